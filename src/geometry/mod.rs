@@ -1,0 +1,11 @@
+//! What rays hit: meshes, the acceleration structure, and the point of a hit.
+
+pub mod ray;
+pub mod mesh;
+pub mod triangle;
+pub mod bvh;
+pub mod interaction;
+
+pub use interaction::{Interaction, Side};
+pub use mesh::Mesh;
+pub use ray::Ray;

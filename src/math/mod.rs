@@ -1,0 +1,10 @@
+//! Pure numerics: frames, warps with their densities, the sample sequence, quadrature and statistics.
+
+pub mod frame;
+pub mod warp;
+pub mod sampler;
+pub mod quadrature;
+pub mod stats;
+
+pub use frame::Frame;
+pub use sampler::Sampler;
