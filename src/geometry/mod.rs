@@ -6,6 +6,7 @@ pub mod triangle;
 pub mod bvh;
 pub mod interaction;
 
+pub use bvh::Bvh;
 pub use interaction::{Interaction, Side};
 pub use mesh::Mesh;
 pub use ray::Ray;
