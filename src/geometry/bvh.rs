@@ -202,7 +202,8 @@ mod tests {
                     let ng = (b - a).cross(c - a).normalize();
                     let inward = if ng.dot(ray.direction) > 0.0 { -ng } else { ng };
                     let u = Sampler::new(9, UVec2::new(k, 0), i).next_2d();
-                    let d = crate::math::Frame::from_normal(inward).to_world(warp::square_to_cosine_hemisphere(u));
+                    let d = crate::math::Frame::from_normal(inward)
+                        .to_world(warp::square_to_cosine_hemisphere(u));
                     ray = Ray::new(offset_origin(a * hit.b.x + b * hit.b.y + c * hit.b.z, ng, d), d);
                 }
                 leaks
@@ -232,6 +233,8 @@ mod tests {
     #[test]
     fn nothing_to_hit() {
         let bvh = Bvh::build([]);
-        assert!(bvh.is_empty() && bvh.intersect(&random_ray(0, 0)).is_none() && !bvh.occluded(&random_ray(0, 0)));
+        assert!(
+            bvh.is_empty() && bvh.intersect(&random_ray(0, 0)).is_none() && !bvh.occluded(&random_ray(0, 0))
+        );
     }
 }
