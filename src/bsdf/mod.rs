@@ -5,6 +5,7 @@
 //! `eval(a, b) == eval(b, a)`, and conserves energy; [`literal_phong`] is the named exception that `check`
 //! flags. See `docs/conventions.md`.
 
+mod albedo;
 pub mod lambert;
 pub mod phong;
 pub mod literal_phong;
@@ -91,4 +92,9 @@ impl<T: Bsdf> Scatter for T {
         let sample = self.sample(wi, lambda, u_lobe, sampler.next_2d())?;
         Some((sample.wi, sample.weight()))
     }
+}
+
+/// The direction of the +z hemisphere turned to the side that `z` is on.
+fn on_side(w: Vec3, z: f32) -> Vec3 {
+    Vec3::new(w.x, w.y, if z < 0.0 { -w.z } else { w.z })
 }
