@@ -4,6 +4,7 @@ pub mod frame;
 pub mod warp;
 pub mod sampler;
 pub mod quadrature;
+pub mod special;
 pub mod stats;
 
 pub use frame::Frame;

@@ -1,0 +1,67 @@
+//! The models that the program ships, with representative parameters: what `rosarium check` checks.
+
+use super::{Report, Test};
+use crate::Result;
+use crate::bsdf::{Bsdf, DiffuseTransmission, Lambert, LiteralPhong, Phong};
+use crate::spectrum::Spectrum;
+
+/// A model to be checked.
+pub struct Shipped {
+    /// Name in reports.
+    pub name: &'static str,
+    /// The model.
+    pub bsdf: Box<dyn Bsdf>,
+    /// A known flaw: the model is kept to show it, and the suite must find it.
+    pub expected_to_fail: Option<Flaw>,
+}
+
+impl Shipped {
+    /// Is the outcome the expected one: no failure, or the known flaw found?
+    pub fn is_as_expected(&self, report: &Report) -> bool {
+        match self.expected_to_fail {
+            None => report.passed(),
+            Some(flaw) => report.failed().contains(&flaw.test),
+        }
+    }
+}
+
+/// What is wrong with a model on purpose.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Flaw {
+    /// The test that finds it.
+    pub test: Test,
+    /// What it is.
+    pub reason: &'static str,
+}
+
+/// Every shipped model: grey and coloured, one- and two-sided, dull and sharp.
+pub fn shipped() -> Result<Vec<Shipped>> {
+    // A red petal's colour: absorbs below 600 nm. Smooth, because only its variation matters here.
+    let red = |low: f64, high: f64| {
+        Spectrum::from_fn(move |nm| low + (high - low) / (1.0 + (-(nm - 600.0) / 15.0).exp()))
+    };
+    let models: Vec<(&'static str, Box<dyn Bsdf>)> = vec![
+        ("lambert", Box::new(Lambert::new(0.5.into())?)),
+        ("lambert white", Box::new(Lambert::new(1.0.into())?)),
+        ("lambert two-sided", Box::new(Lambert::two_sided(red(0.03, 0.6), red(0.2, 0.5))?)),
+        ("diffuse transmission", Box::new(DiffuseTransmission::new(0.5.into(), 0.4.into(), 0.4.into())?)),
+        (
+            "diffuse transmission red",
+            Box::new(DiffuseTransmission::new(red(0.02, 0.55), red(0.1, 0.5), red(0.01, 0.45))?),
+        ),
+        ("phong dull", Box::new(Phong::new(red(0.05, 0.6), 0.3.into(), 3.0)?)),
+        ("phong glossy", Box::new(Phong::new(0.3.into(), 0.7.into(), 60.0)?)),
+        ("phong sharp", Box::new(Phong::new(0.0.into(), 1.0.into(), 600.0)?)),
+    ];
+    let mut all: Vec<Shipped> =
+        models.into_iter().map(|(name, bsdf)| Shipped { name, bsdf, expected_to_fail: None }).collect();
+    all.push(Shipped {
+        name: "literal phong",
+        bsdf: Box::new(LiteralPhong::new(red(0.05, 0.5), 0.4.into(), 20.0)?),
+        expected_to_fail: Some(Flaw {
+            test: Test::Reciprocity,
+            reason: "the textbook formula divides by the light's cosine only",
+        }),
+    });
+    Ok(all)
+}
