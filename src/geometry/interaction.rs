@@ -1,11 +1,13 @@
 //! The point where a ray meets a surface.
 
 use glam::{Vec2, Vec3};
+use serde::{Deserialize, Serialize};
 
 use crate::math::Frame;
 
 /// Side of a sheet. A petal is one sheet with two sides; the adaxial (upper, inner) one has the normal.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Side {
     /// Upper, inner side: local z > 0.
     Adaxial,

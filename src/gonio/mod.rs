@@ -1,1 +1,20 @@
-//! placeholder
+//! Virtual goniophotometry: shine on a sample, count where the light goes.
+//!
+//! A [`Goniophotometer`] follows rays from a lamp through anything that implements
+//! [`Scatter`](crate::bsdf::Scatter) (every BSDF, and walks through cells that have no closed form) and gives
+//! a [`GonioTable`]: the BSDF with its standard error in every bin of an [`ExitantGrid`], a dense
+//! [`PlaneScan`] of the plane of incidence, hemispherical totals with an energy ledger, and the
+//! retro-reflection index.
+//!
+//! Frame of the instrument: +z is the normal of the **lit** side, the lamp stands at azimuth 0 (+x), so
+//! exitant azimuth 0 is the lamp's side and 180 the mirror's side. To light the abaxial side the sample is
+//! turned over about the x axis: (x, y, z) of the instrument is (x, -y, -z) of the sample.
+
+pub mod grid;
+pub mod retro;
+pub mod table;
+pub mod goniophotometer;
+
+pub use goniophotometer::Goniophotometer;
+pub use grid::{ExitantGrid, PlaneScan};
+pub use table::{Estimate, GonioTable, Incidence, Ledger, Totals};

@@ -1,0 +1,690 @@
+//! The virtual goniophotometer: a lamp, a sample, and counters around it.
+//!
+//! Model: N paths from the lamp's direction; each leaves in a direction w with a weight W or is absorbed.
+//!
+//! - BSDF in bin B = sum of W over paths in B / (N * integral over B of |cos|), 1/sr
+//! - standard error = sqrt((mean of W^2 - (mean of W)^2) / (N - 1)) / the same integral
+//! - reflectance, transmittance = sum of W on the lit, the other side / N
+//! - absorptance = sum of (1 - W) / N, summed path by path, so that the ledger in = reflected + transmitted
+//!   + absorbed checks that no path was lost
+//!
+//! | symbol | field | unit | default |
+//! |---|---|---|---|
+//! | theta_i | `incident_deg` | deg | 0, 30, 60 |
+//! | N | `rays` (per incidence) | | 1e6 |
+//! | wavelengths | `bands_nm` | nm | 550 |
+//! | bins | `exitant`, `scan` | deg | 5 x 10, 2 x +-5 |
+//!
+//! Path k of incidence i draws from `Sampler::new(seed, (i, side), k)`; chunks of fixed size are summed in
+//! their order, so the table has the same bytes at any number of threads (`same_at_any_thread_count`). More
+//! than `LANES` bands are measured in groups that share their random numbers.
+//!
+//! Limits: 0 <= theta_i < 90 deg (`rejects_bad_input`); a bin's value is its average, which differs from
+//! the BSDF at its centre where a lobe is narrower than the bin (`bins_match_the_average_of_eval`).
+
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
+use glam::{UVec2, Vec3};
+use rayon::prelude::*;
+
+use super::retro::RetroCaps;
+use super::{Estimate, ExitantGrid, GonioTable, Incidence, Ledger, PlaneScan, Totals};
+use crate::bsdf::Scatter;
+use crate::geometry::Side;
+use crate::math::Sampler;
+use crate::math::frame::spherical;
+use crate::spectrum::{LANES, SampledWavelengths};
+use crate::{Error, Result};
+
+/// Bins x bands that one measurement may have.
+const MAX_COUNTERS: usize = 4_000_000;
+
+/// The instrument and its settings.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Goniophotometer {
+    /// Angles of the lamp from the normal of the lit side, degrees.
+    pub incident_deg: Vec<f64>,
+    /// The lit side.
+    pub side: Side,
+    /// Paths per incidence.
+    pub rays: u64,
+    /// Seed of the paths.
+    pub seed: u64,
+    /// Wavelengths, nm.
+    pub bands_nm: Vec<f64>,
+    /// Bins of the exitant directions.
+    pub exitant: ExitantGrid,
+    /// Bins of the plane of incidence.
+    pub scan: PlaneScan,
+}
+
+impl Default for Goniophotometer {
+    fn default() -> Self {
+        Self {
+            incident_deg: vec![0.0, 30.0, 60.0],
+            side: Side::Adaxial,
+            rays: 1_000_000,
+            seed: 0,
+            bands_nm: vec![550.0],
+            exitant: ExitantGrid::default(),
+            scan: PlaneScan::default(),
+        }
+    }
+}
+
+/// Called now and then, from any thread, with (paths done, paths in all); `Break` stops the measurement.
+pub type Progress<'a> = &'a (dyn Fn(u64, u64) -> ControlFlow<()> + Sync);
+
+impl Goniophotometer {
+    /// Checks the settings; errors name the key.
+    pub fn validate(&self) -> Result<()> {
+        if self.incident_deg.is_empty() {
+            return Err(Error::invalid("gonio.incident_deg", "needs at least one angle"));
+        }
+        for (i, &d) in self.incident_deg.iter().enumerate() {
+            if !(0.0..90.0).contains(&d) {
+                let what = format!("{d} is not in 0-90 deg (90 excluded)");
+                return Err(Error::invalid("gonio.incident_deg", what));
+            }
+            if self.incident_deg[..i].contains(&d) {
+                return Err(Error::invalid("gonio.incident_deg", format!("{d} is given twice")));
+            }
+        }
+        if self.rays < 2 {
+            return Err(Error::invalid("gonio.rays", "needs at least 2 rays for a standard error"));
+        }
+        if self.bands_nm.is_empty() {
+            return Err(Error::invalid("gonio.bands_nm", "needs at least one wavelength"));
+        }
+        for (i, &l) in self.bands_nm.iter().enumerate() {
+            if !(100.0..=10_000.0).contains(&l) {
+                return Err(Error::invalid("gonio.bands_nm", format!("{l} is not in 100-10000 nm")));
+            }
+            if self.bands_nm[..i].contains(&l) {
+                return Err(Error::invalid("gonio.bands_nm", format!("{l} is given twice")));
+            }
+        }
+        self.exitant.validate()?;
+        self.scan.validate()?;
+        let counters = self.counters();
+        if counters > MAX_COUNTERS {
+            let what = format!("{counters} bins x bands; at most {MAX_COUNTERS}");
+            return Err(Error::invalid("gonio.theta_step_deg", what));
+        }
+        Ok(())
+    }
+
+    fn counters(&self) -> usize {
+        (self.exitant.len() + self.scan.len()) * self.bands_nm.len()
+    }
+
+    /// Paths per unit of parallel work: enough to outweigh clearing and adding the counters.
+    fn chunk(&self) -> u64 {
+        (self.counters() as u64 / 4).max(8192)
+    }
+
+    /// Units whose counters are held at once: a bound on memory, without effect on the result.
+    fn batch(&self) -> u64 {
+        (MAX_COUNTERS / self.counters().max(1)).clamp(4, 32) as u64
+    }
+
+    /// Measures a sample. The result depends on the settings and the sample only.
+    pub fn measure(&self, sample: &dyn Scatter, progress: Progress) -> Result<GonioTable> {
+        self.validate()?;
+        let done = AtomicU64::new(0);
+        let incidences = (0..self.incident_deg.len())
+            .map(|i| self.measure_incidence(i, sample, &done, progress))
+            .collect::<Result<Vec<_>>>()?;
+        Ok(GonioTable {
+            sample: String::new(),
+            description: String::new(),
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            side: self.side,
+            rays: self.rays,
+            seed: self.seed,
+            bands_nm: self.bands_nm.clone(),
+            grid: self.exitant,
+            scan: self.scan,
+            incidences,
+        })
+    }
+
+    fn measure_incidence(
+        &self,
+        index: usize,
+        sample: &dyn Scatter,
+        done: &AtomicU64,
+        progress: Progress,
+    ) -> Result<Incidence> {
+        let lamp = Lamp::new(self, index);
+        let total = self.rays.saturating_mul(self.incident_deg.len() as u64);
+        let cancelled = AtomicBool::new(false);
+        let (chunk_rays, batch_chunks) = (self.chunk(), self.batch());
+        let chunks = self.rays.div_ceil(chunk_rays);
+        let mut counters = Counters::new(self);
+        for batch in (0..chunks).step_by(batch_chunks as usize) {
+            let parts: Vec<Result<Counters>> = (batch..(batch + batch_chunks).min(chunks))
+                .into_par_iter()
+                .map(|chunk| {
+                    if cancelled.load(Ordering::Relaxed) {
+                        return Err(Error::Cancelled);
+                    }
+                    let rays = chunk * chunk_rays..((chunk + 1) * chunk_rays).min(self.rays);
+                    let count = rays.end - rays.start;
+                    let mut part = Counters::new(self);
+                    for ray in rays {
+                        lamp.follow(ray, sample, &mut part)?;
+                    }
+                    let now = done.fetch_add(count, Ordering::Relaxed) + count;
+                    if progress(now, total).is_break() {
+                        cancelled.store(true, Ordering::Relaxed);
+                    }
+                    Ok(part)
+                })
+                .collect();
+            // Floating-point sums depend on their order: it is that of the chunks.
+            for part in parts {
+                counters.add(&part?);
+            }
+            if cancelled.load(Ordering::Relaxed) {
+                return Err(Error::Cancelled);
+            }
+        }
+        Ok(counters.into_incidence(self, self.incident_deg[index]))
+    }
+}
+
+/// One incidence being measured.
+struct Lamp<'a> {
+    gonio: &'a Goniophotometer,
+    index: u32,
+    /// Direction to the lamp in the sample's frame.
+    wi: Vec3,
+    caps: RetroCaps,
+    groups: Vec<SampledWavelengths>,
+}
+
+impl<'a> Lamp<'a> {
+    fn new(gonio: &'a Goniophotometer, index: usize) -> Self {
+        let incident_deg = gonio.incident_deg[index];
+        let groups = gonio
+            .bands_nm
+            .chunks(LANES)
+            .map(|bands| {
+                // Lanes without a band repeat the last one.
+                SampledWavelengths::given(std::array::from_fn(|i| bands[i.min(bands.len() - 1)] as f32))
+            })
+            .collect();
+        Self {
+            gonio,
+            index: index as u32,
+            wi: turn(spherical(incident_deg.to_radians() as f32, 0.0), gonio.side),
+            caps: RetroCaps::new(incident_deg),
+            groups,
+        }
+    }
+
+    /// Follows one path in every group of bands and counts it.
+    fn follow(&self, ray: u64, sample: &dyn Scatter, counters: &mut Counters) -> Result<()> {
+        let side = if self.gonio.side == Side::Adaxial { 0 } else { 1 };
+        // The sample index has 32 bits; what lies above moves on to another sequence.
+        let pixel = UVec2::new(self.index, side + 2 * (ray >> 32) as u32);
+        let bands = self.gonio.bands_nm.len();
+        counters.paths += 1;
+        let mut mean = PathTotals::default();
+        for (g, lambda) in self.groups.iter().enumerate() {
+            let first = g * LANES;
+            let count = (bands - first).min(LANES);
+            let mut sampler = Sampler::new(self.gonio.seed, pixel, ray as u32);
+            let Some((w, weight)) = sample.scatter(self.wi, lambda, &mut sampler) else {
+                counters.totals[first..first + count].iter_mut().for_each(|t| t.add(&PathTotals::ABSORBED));
+                mean.add_scaled(&PathTotals::ABSORBED, count as f64 / bands as f64);
+                continue;
+            };
+            let weights = &weight.0[..count];
+            if !(w.is_finite() && weights.iter().all(|v| v.is_finite() && *v >= 0.0)) {
+                let what = format!("scattered light from {} to {w} with weights {weights:?}", self.wi);
+                return Err(Error::invalid("sample", what));
+            }
+            let w = turn(w, self.gonio.side);
+            let bin = self.gonio.exitant.bin(w);
+            let scan_bin = self.gonio.scan.bin(w);
+            let (retro, mirror) = self.caps.share(w);
+            for (band, &weight) in (first..).zip(weights) {
+                let weight = f64::from(weight);
+                counters.grid[bin * bands + band].add(weight);
+                if let Some(bin) = scan_bin {
+                    counters.scan[bin * bands + band].add(weight);
+                }
+                let path = PathTotals::scattered(weight, w.z >= 0.0, retro, mirror);
+                counters.totals[band].add(&path);
+                mean.add_scaled(&path, 1.0 / bands as f64);
+            }
+        }
+        counters.totals[bands].add(&mean);
+        Ok(())
+    }
+}
+
+/// Instrument's frame to sample's frame and back: for the abaxial side the sample is turned over about x.
+fn turn(w: Vec3, side: Side) -> Vec3 {
+    match side {
+        Side::Adaxial => w,
+        Side::Abaxial => Vec3::new(w.x, -w.y, -w.z),
+    }
+}
+
+/// Sum and sum of squares.
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    sum: f64,
+    squares: f64,
+}
+
+impl Sums {
+    fn add(&mut self, v: f64) {
+        self.sum += v;
+        self.squares += v * v;
+    }
+
+    fn merge(&mut self, other: &Sums) {
+        self.sum += other.sum;
+        self.squares += other.squares;
+    }
+
+    fn estimate(&self, n: f64) -> Estimate {
+        Estimate::from_sums(self.sum, self.squares, n)
+    }
+}
+
+/// What one path adds to the totals.
+#[derive(Clone, Copy, Default)]
+struct PathTotals {
+    reflected: f64,
+    transmitted: f64,
+    absorbed: f64,
+    retro: f64,
+    mirror: f64,
+}
+
+impl PathTotals {
+    const ABSORBED: Self = Self { reflected: 0.0, transmitted: 0.0, absorbed: 1.0, retro: 0.0, mirror: 0.0 };
+
+    fn scattered(weight: f64, reflected: bool, retro: f64, mirror: f64) -> Self {
+        Self {
+            reflected: if reflected { weight } else { 0.0 },
+            transmitted: if reflected { 0.0 } else { weight },
+            absorbed: 1.0 - weight,
+            retro: weight * retro,
+            mirror: weight * mirror,
+        }
+    }
+
+    fn add_scaled(&mut self, other: &Self, factor: f64) {
+        self.reflected += factor * other.reflected;
+        self.transmitted += factor * other.transmitted;
+        self.absorbed += factor * other.absorbed;
+        self.retro += factor * other.retro;
+        self.mirror += factor * other.mirror;
+    }
+}
+
+/// Sums of [`PathTotals`].
+#[derive(Clone, Copy, Default)]
+struct TotalSums {
+    reflected: Sums,
+    transmitted: Sums,
+    absorbed: Sums,
+    retro: Sums,
+    mirror: Sums,
+    retro_times_mirror: f64,
+    scattered: u64,
+}
+
+impl TotalSums {
+    fn add(&mut self, path: &PathTotals) {
+        self.reflected.add(path.reflected);
+        self.transmitted.add(path.transmitted);
+        self.absorbed.add(path.absorbed);
+        self.retro.add(path.retro);
+        self.mirror.add(path.mirror);
+        self.retro_times_mirror += path.retro * path.mirror;
+        self.scattered += u64::from(path.reflected + path.transmitted > 0.0);
+    }
+
+    fn merge(&mut self, other: &Self) {
+        self.reflected.merge(&other.reflected);
+        self.transmitted.merge(&other.transmitted);
+        self.absorbed.merge(&other.absorbed);
+        self.retro.merge(&other.retro);
+        self.mirror.merge(&other.mirror);
+        self.retro_times_mirror += other.retro_times_mirror;
+        self.scattered += other.scattered;
+    }
+
+    fn totals(&self, n: f64, at_normal: bool) -> Totals {
+        let (retro, mirror) = (self.retro.estimate(n), self.mirror.estimate(n));
+        let retro_index = if at_normal {
+            Some(Estimate { value: 1.0, standard_error: 0.0 })
+        } else if mirror.value > 0.0 {
+            // Ratio of two means of the same paths, to first order.
+            let ratio = retro.value / mirror.value;
+            let covariance = (self.retro_times_mirror / n - retro.value * mirror.value) / (n - 1.0);
+            let variance = retro.standard_error.powi(2) + ratio * ratio * mirror.standard_error.powi(2)
+                - 2.0 * ratio * covariance;
+            let standard_error = variance.max(0.0).sqrt() / mirror.value;
+            Some(Estimate { value: ratio, standard_error })
+        } else {
+            None
+        };
+        Totals {
+            reflectance: self.reflected.estimate(n),
+            transmittance: self.transmitted.estimate(n),
+            absorptance: self.absorbed.estimate(n),
+            retro_brdf: retro,
+            mirror_brdf: mirror,
+            retro_index,
+        }
+    }
+}
+
+/// Everything that is counted; `[bin * bands + band]`, totals per band and last their mean over the bands.
+struct Counters {
+    paths: u64,
+    grid: Vec<Sums>,
+    scan: Vec<Sums>,
+    totals: Vec<TotalSums>,
+}
+
+impl Counters {
+    fn new(gonio: &Goniophotometer) -> Self {
+        let bands = gonio.bands_nm.len();
+        Self {
+            paths: 0,
+            grid: vec![Sums::default(); gonio.exitant.len() * bands],
+            scan: vec![Sums::default(); gonio.scan.len() * bands],
+            totals: vec![TotalSums::default(); bands + 1],
+        }
+    }
+
+    fn add(&mut self, other: &Self) {
+        self.paths += other.paths;
+        self.grid.iter_mut().zip(&other.grid).for_each(|(a, b)| a.merge(b));
+        self.scan.iter_mut().zip(&other.scan).for_each(|(a, b)| a.merge(b));
+        self.totals.iter_mut().zip(&other.totals).for_each(|(a, b)| a.merge(b));
+    }
+
+    fn into_incidence(self, gonio: &Goniophotometer, incident_deg: f64) -> Incidence {
+        let bands = gonio.bands_nm.len();
+        let n = self.paths as f64;
+        let at_normal = incident_deg == 0.0;
+        let bsdf = |sums: &Sums, band: usize, measure_sr: f64| {
+            let mut mean = sums.estimate(n);
+            if sums.sum == 0.0 {
+                // Nothing seen is not nothing there: the error of one path of mean weight.
+                let t = &self.totals[band];
+                let weight = (t.reflected.sum + t.transmitted.sum) / t.scattered.max(1) as f64;
+                mean.standard_error = weight / n;
+            }
+            mean.scaled(1.0 / measure_sr)
+        };
+        let by_band = |sums: &[Sums], measure_sr: &dyn Fn(usize) -> f64| -> Vec<Estimate> {
+            let bins = sums.len() / bands;
+            (0..bands * bins)
+                .map(|i| (i / bins, i % bins))
+                .map(|(band, bin)| bsdf(&sums[bin * bands + band], band, measure_sr(bin)))
+                .collect()
+        };
+        Incidence {
+            incident_deg,
+            mean: self.totals[bands].totals(n, at_normal),
+            bands: self.totals[..bands].iter().map(|t| t.totals(n, at_normal)).collect(),
+            ledgers: self.totals[..bands]
+                .iter()
+                .map(|t| Ledger {
+                    incoming: n,
+                    reflected: t.reflected.sum,
+                    transmitted: t.transmitted.sum,
+                    absorbed: t.absorbed.sum,
+                })
+                .collect(),
+            bsdf: by_band(&self.grid, &|bin| gonio.exitant.projected_solid_angle_sr(bin)),
+            scan: by_band(&self.scan, &|bin| gonio.scan.projected_solid_angle_sr(bin)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::FRAC_1_PI;
+
+    use super::*;
+    use crate::bsdf::{Bsdf, DiffuseTransmission, Lambert, Phong};
+    use crate::spectrum::{SampledSpectrum, Spectrum};
+
+    /// Two-sided z limit for about 1000 tests at a family-wise 0.1 % (Sidak: 1 - 0.999^(1/1000) each).
+    const Z_1000: f64 = 4.9;
+
+    fn gonio(incident_deg: &[f64], rays: u64) -> Goniophotometer {
+        Goniophotometer { incident_deg: incident_deg.to_vec(), rays, seed: 11, ..Default::default() }
+    }
+
+    fn run(g: &Goniophotometer, sample: &dyn Scatter) -> GonioTable {
+        g.measure(sample, &|_, _| ControlFlow::Continue(())).unwrap()
+    }
+
+    fn z(e: Estimate, expected: f64) -> f64 {
+        (e.value - expected).abs() / e.standard_error
+    }
+
+    #[test]
+    fn flat_lambert() {
+        let g = gonio(&[0.0, 45.0, 80.0], 300_000);
+        let table = run(&g, &Lambert::new(0.5.into()).unwrap());
+        assert!(table.ledger_error() < 1e-9, "{}", table.ledger_error());
+        for i in &table.incidences {
+            assert!(z(i.mean.reflectance, 0.5) < 3.0, "{:?}", i.mean);
+            assert!(z(i.mean.absorptance, 0.5) < 3.0);
+            assert_eq!(i.mean.transmittance.value, 0.0);
+            assert!(z(i.mean.retro_brdf, 0.5 * FRAC_1_PI) < 3.0, "{:?}", i.mean);
+            let index = i.mean.retro_index.unwrap();
+            assert!(i.incident_deg == 0.0 && index.value == 1.0 || z(index, 1.0) < 3.0, "{index:?}");
+            for (bin, &e) in i.bsdf.iter().enumerate() {
+                let transmission = g.exitant.centre_deg(bin).0 > 90.0;
+                assert!(z(e, if transmission { 0.0 } else { 0.5 * FRAC_1_PI }) < Z_1000, "{bin} {e:?}");
+            }
+            for (bin, &e) in i.scan.iter().enumerate() {
+                let transmission = g.scan.centre_deg(bin).abs() > 90.0;
+                assert!(z(e, if transmission { 0.0 } else { 0.5 * FRAC_1_PI }) < Z_1000, "{bin} {e:?}");
+            }
+        }
+    }
+
+    /// Average of the BSDF over a bin, weighted by |cos|, by the midpoint rule.
+    fn average(g: &Goniophotometer, sample: &dyn Bsdf, wi: Vec3, bin: usize) -> f64 {
+        let lambda = SampledWavelengths::given([550.0; LANES]);
+        let (theta, phi) = g.exitant.centre_deg(bin);
+        let (mut sum, mut norm, n) = (0.0, 0.0, 24);
+        for i in 0..n {
+            let t = theta + g.exitant.theta_step_deg * ((f64::from(i) + 0.5) / f64::from(n) - 0.5);
+            for j in 0..n {
+                let p = phi + g.exitant.phi_step_deg * ((f64::from(j) + 0.5) / f64::from(n) - 0.5);
+                let w = spherical(t.to_radians() as f32, p.to_radians() as f32);
+                let measure = t.to_radians().sin() * f64::from(w.z.abs());
+                sum += measure * f64::from(sample.eval(w, wi, &lambda)[0]);
+                norm += measure;
+            }
+        }
+        sum / norm
+    }
+
+    #[test]
+    fn bins_match_the_average_of_eval() {
+        let phong = Phong::new(0.2.into(), 0.5.into(), 30.0).unwrap();
+        let g = gonio(&[40.0], 400_000);
+        let table = run(&g, &phong);
+        assert!(table.ledger_error() < 1e-9);
+        let wi = spherical(40f32.to_radians(), 0.0);
+        let (mut reflectance, mut chi2) = (0.0, 0.0);
+        let bins = g.exitant.len() / 2;
+        for bin in 0..bins {
+            let expected = average(&g, &phong, wi, bin);
+            let e = table.incidences[0].bsdf[bin];
+            assert!(z(e, expected) < Z_1000, "{:?}: {e:?}, {expected}", g.exitant.centre_deg(bin));
+            chi2 += z(e, expected).powi(2);
+            reflectance += expected * g.exitant.projected_solid_angle_sr(bin);
+        }
+        // Errors are of the size they claim, or smaller by stratification.
+        assert!((0.3..1.2).contains(&(chi2 / bins as f64)), "{}", chi2 / bins as f64);
+        assert!(z(table.incidences[0].mean.reflectance, reflectance) < 3.0);
+    }
+
+    #[test]
+    fn gloss_prefers_the_mirror() {
+        let phong = Phong::new(0.2.into(), 0.5.into(), 30.0).unwrap();
+        let table = run(&gonio(&[60.0], 100_000), &phong);
+        let mean = &table.incidences[0].mean;
+        let index = mean.retro_index.unwrap();
+        assert!(index.value + 5.0 * index.standard_error < 1.0, "{index:?}");
+        assert!(z(mean.retro_brdf, 0.2 * FRAC_1_PI) < 4.0, "{mean:?}");
+    }
+
+    #[test]
+    fn both_sides_of_a_translucent_sheet() {
+        let sheet = DiffuseTransmission::new(0.3.into(), 0.6.into(), 0.2.into()).unwrap();
+        for (side, r) in [(Side::Adaxial, 0.3), (Side::Abaxial, 0.6)] {
+            let g = Goniophotometer { side, ..gonio(&[30.0], 300_000) };
+            let table = run(&g, &sheet);
+            let i = &table.incidences[0];
+            assert!(table.ledger_error() < 1e-9);
+            assert!(z(i.mean.reflectance, r) < 3.0 && z(i.mean.transmittance, 0.2) < 3.0, "{:?}", i.mean);
+            assert!(z(i.mean.absorptance, 0.8 - r) < 3.0);
+            for (bin, &e) in i.bsdf.iter().enumerate() {
+                let share = if g.exitant.centre_deg(bin).0 > 90.0 { 0.2 } else { r };
+                assert!(z(e, share * FRAC_1_PI) < Z_1000, "{bin} {e:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn same_at_any_thread_count() {
+        let phong = Phong::new(0.2.into(), 0.5.into(), 30.0).unwrap();
+        let g = gonio(&[0.0, 60.0], 100_001);
+        let pool = |n| rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap();
+        let tables = [1, 2, 5].map(|n| pool(n).install(|| run(&g, &phong)));
+        assert_eq!(tables[0], tables[1]);
+        assert_eq!(tables[0], tables[2]);
+        assert_ne!(tables[0], run(&Goniophotometer { seed: 12, ..g }, &phong));
+    }
+
+    #[test]
+    fn bands_are_measured_apart() {
+        // More bands than lanes: two groups. The reflectance is a ramp over wavelength.
+        let ramp = Spectrum::from_fn(|nm| (nm - 380.0) / 500.0);
+        let bands_nm: Vec<f64> = (0..11).map(|i| 400.0 + 30.0 * f64::from(i)).collect();
+        let g = Goniophotometer { bands_nm: bands_nm.clone(), ..gonio(&[20.0], 50_000) };
+        let table = run(&g, &Lambert::new(ramp).unwrap());
+        let i = &table.incidences[0];
+        for (band, nm) in bands_nm.iter().enumerate() {
+            let r = (nm - 380.0) / 500.0;
+            assert!((i.bands[band].reflectance.value - r).abs() < 1e-6);
+            let w = spherical(0.4, 2.0);
+            let f = table.bsdf(20.0, w, band).unwrap();
+            assert!((f / (r * FRAC_1_PI) - 1.0).abs() < 0.2, "{nm}: {f}");
+        }
+        assert!((i.mean.reflectance.value - 0.34).abs() < 1e-6);
+        assert_eq!(table.bsdf(20.0, Vec3::Z, 11), None);
+        let json = serde_json::to_value(table.summary()).unwrap();
+        assert_eq!(json["incidences"][0]["incident_deg"], 20.0);
+        assert_eq!(json["incidences"][0]["bands"][10]["wavelength_nm"], 700.0);
+        assert!(json["incidences"][0]["retro_index"].is_f64());
+        assert!(json["incidences"][0]["reflectance_se"].is_f64());
+    }
+
+    #[test]
+    fn look_up_interpolates() {
+        let sheet = DiffuseTransmission::new(0.4.into(), 0.4.into(), 0.1.into()).unwrap();
+        let mut table = run(&gonio(&[0.0, 60.0], 20_000), &sheet);
+        // A table with known values: theta + the lamp's angle, on the reflection side.
+        let grid = table.grid;
+        for i in &mut table.incidences {
+            for (bin, e) in i.bsdf.iter_mut().enumerate() {
+                let theta = grid.centre_deg(bin).0;
+                e.value = if theta < 90.0 { theta + i.incident_deg } else { -1.0 };
+            }
+        }
+        for (lamp, theta, phi) in [(0.0, 40.0, 0.3), (15.0, 33.0, -3.0), (60.0, 87.4, 3.1), (50.0, 2.6, 6.2)]
+        {
+            let w = spherical(f64::to_radians(theta) as f32, phi);
+            let f = table.bsdf(lamp, w, 0).unwrap();
+            assert!((f - theta - lamp).abs() < 1e-3, "{lamp} {theta}: {f}");
+        }
+        // Not across the horizon, and the nearest incidence outside the range.
+        assert_eq!(table.bsdf(0.0, spherical(91f32.to_radians(), 0.0), 0), Some(-1.0));
+        assert_eq!(table.bsdf(80.0, spherical(89.9f32.to_radians(), 0.0), 0), Some(147.5));
+    }
+
+    /// Loses a path without saying so, makes NaN, or creates energy.
+    struct Faulty(Vec3, f32);
+
+    impl Scatter for Faulty {
+        fn scatter(
+            &self,
+            _wi: Vec3,
+            _lambda: &SampledWavelengths,
+            _sampler: &mut Sampler,
+        ) -> Option<(Vec3, SampledSpectrum)> {
+            Some((self.0, SampledSpectrum::splat(self.1)))
+        }
+    }
+
+    #[test]
+    fn faults_are_not_hidden() {
+        let g = gonio(&[30.0], 1000);
+        for (w, weight) in [(Vec3::NAN, 0.5), (Vec3::Z, f32::NAN), (Vec3::Z, f32::INFINITY), (Vec3::Z, -0.1)]
+        {
+            assert!(g.measure(&Faulty(w, weight), &|_, _| ControlFlow::Continue(())).is_err());
+        }
+        // More light out than in shows as negative absorptance, not as a corrected total.
+        let table = run(&g, &Faulty(Vec3::Z, 1.5));
+        assert!((table.incidences[0].mean.absorptance.value + 0.5).abs() < 1e-9);
+        assert!(table.incidences[0].mean.retro_index.is_none());
+        assert!(
+            (table.incidences[0].bsdf[0].value * g.exitant.projected_solid_angle_sr(0) - 1.5).abs() < 1e-9
+        );
+    }
+
+    #[test]
+    fn stops_when_asked() {
+        let g = gonio(&[0.0], 10_000_000);
+        let sample = Lambert::new(0.5.into()).unwrap();
+        let result = g.measure(&sample, &|done, total| {
+            assert_eq!(total, 10_000_000);
+            if done > 50_000 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        });
+        assert!(matches!(result, Err(Error::Cancelled)));
+    }
+
+    #[test]
+    fn rejects_bad_input() {
+        let ok = gonio(&[0.0], 1000);
+        ok.validate().unwrap();
+        let coarse = ExitantGrid { theta_step_deg: 7.0, phi_step_deg: 10.0 };
+        let fine = ExitantGrid { theta_step_deg: 0.01, phi_step_deg: 0.01 };
+        for bad in [
+            Goniophotometer { incident_deg: vec![], ..ok.clone() },
+            Goniophotometer { incident_deg: vec![90.0], ..ok.clone() },
+            Goniophotometer { incident_deg: vec![-1.0], ..ok.clone() },
+            Goniophotometer { incident_deg: vec![f64::NAN], ..ok.clone() },
+            Goniophotometer { incident_deg: vec![10.0, 10.0], ..ok.clone() },
+            Goniophotometer { rays: 0, ..ok.clone() },
+            Goniophotometer { bands_nm: vec![], ..ok.clone() },
+            Goniophotometer { bands_nm: vec![f64::INFINITY], ..ok.clone() },
+            Goniophotometer { exitant: coarse, ..ok.clone() },
+            Goniophotometer { exitant: fine, ..ok.clone() },
+        ] {
+            assert!(matches!(bad.validate(), Err(Error::Invalid { .. })), "{bad:?}");
+        }
+    }
+}
