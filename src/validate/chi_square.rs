@@ -76,7 +76,7 @@ fn expected_shares(bsdf: &dyn Bsdf, case: &Case, settings: &Settings) -> Vec<f64
     for i in 0..theta_bins {
         for j in 0..phi_bins {
             let (theta, phi) = ([edge(i), edge(i + 1)], [phi_edge(j), phi_edge(j + 1)]);
-            shares.push(rule.integrate_adaptive(theta, phi, BIN_TOLERANCE, 2, &mut density));
+            shares.push(rule.integrate_adaptive(theta, phi, BIN_TOLERANCE, 1, &mut density));
         }
     }
     shares

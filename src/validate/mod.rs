@@ -8,12 +8,12 @@
 //! | test | claim | statistic | fails |
 //! |---|---|---|---|
 //! | `chi_square` | `sample` draws from `pdf` | smallest p value | below Sidak's level |
-//! | `pdf_integral` | `pdf` integrates to the probability of success | largest difference | above 4 sigma + 1e-3 |
+//! | `pdf_integral` | `pdf` integrates to the probability of success | largest difference over (4 sigma + 1e-3) | above 1 |
 //! | `sample` | a sample's f and pdf are `eval` and `pdf` of its direction | largest relative difference | above 1e-4 |
 //! | `weight` | the mean of `f cos / pdf` is the albedo found by quadrature | smallest p value | below Sidak's level |
 //! | `reciprocity` | f(a, b) = f(b, a), also through the sheet | largest relative difference | above 1e-3 |
 //! | `energy` | albedo <= 1 at every wavelength | largest albedo | above 1 + 1e-3 |
-//! | `grazing` | finite and not negative down to cos = 1e-6 | bad values | above 0 |
+//! | `grazing` | finite and not negative down to cos = 1e-6, f zero at 0 | bad values | above 0 |
 //!
 //! Each runs at every incidence of [`Settings`] on both sides. All random numbers come from fixed seeds.
 
@@ -36,7 +36,7 @@ use crate::math::frame::spherical;
 pub use scatter::check_scatter;
 pub use shipped::{Flaw, Shipped, shipped};
 
-/// How thoroughly to check. The default takes about a quarter of a second per model.
+/// How thoroughly to check. The default takes about a second of one core per model.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
     /// Angles between the normal and the viewer, on both sides. Default 0, 30, 60, 80, 88.
