@@ -1,10 +1,12 @@
-//! Pure numerics: frames, warps with their densities, the sample sequence, quadrature and statistics.
+//! Pure numerics: frames, warps with their densities, the sample sequence, quadrature, equations and
+//! statistics.
 
 pub mod frame;
 pub mod warp;
 pub mod sampler;
 pub mod quadrature;
 pub mod special;
+pub mod solve;
 pub mod stats;
 
 pub use frame::Frame;

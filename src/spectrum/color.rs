@@ -15,6 +15,8 @@ use glam::{DMat3, DVec3};
 
 use super::illuminant::d65;
 use super::observer::Observer;
+use super::sampled::VISIBLE_NM;
+use super::spectra::DENSE_SAMPLES;
 
 /// Chromaticities (x, y) of the sRGB (Rec. 709) primaries red, green, blue; ITU-R BT.709-6.
 pub const SRGB_PRIMARIES_XY: [(f64, f64); 3] = [(0.64, 0.33), (0.30, 0.60), (0.15, 0.06)];
@@ -51,6 +53,9 @@ impl Observer {
     }
 }
 
+/// Names of the channels, for errors.
+pub(super) const CHANNELS: [&str; 3] = ["red", "green", "blue"];
+
 /// Luminance Y of a linear sRGB colour.
 pub fn luminance(rgb: [f32; 3]) -> f32 {
     let row = Observer::Cie1931.xyz_from_srgb().row(1);
@@ -85,6 +90,44 @@ fn lab_f(t: f64) -> f64 {
 /// Colour difference of CIE 1976: the distance in L*a*b*. About 2.3 is just noticeable.
 pub fn delta_e_1976(lab_a: DVec3, lab_b: DVec3) -> f64 {
     (lab_a - lab_b).length()
+}
+
+/// Linear sRGB of a reflectance under D65, and L*a*b* of linear sRGB.
+pub(super) struct D65Colour {
+    rgb_weights: Box<[DVec3; DENSE_SAMPLES]>,
+    xyz_from_srgb: DMat3,
+    white: DVec3,
+}
+
+impl D65Colour {
+    pub(super) fn get() -> &'static D65Colour {
+        static COLOUR: OnceLock<D65Colour> = OnceLock::new();
+        COLOUR.get_or_init(|| {
+            let observer = Observer::Cie1931;
+            let m = observer.srgb_from_xyz();
+            let weights = observer.weights();
+            let light = |i: usize| f64::from(d65().at(nm(i) as f32));
+            D65Colour {
+                rgb_weights: Box::new(std::array::from_fn(|i| m * DVec3::from(weights[i]) * light(i))),
+                xyz_from_srgb: observer.xyz_from_srgb(),
+                white: observer.white(),
+            }
+        })
+    }
+
+    /// Weight and wavelength of each nm.
+    pub(super) fn iter(&self) -> impl Iterator<Item = (DVec3, f64)> {
+        self.rgb_weights.iter().enumerate().map(|(i, w)| (*w, nm(i)))
+    }
+
+    pub(super) fn lab(&self, rgb: DVec3) -> DVec3 {
+        lab(self.xyz_from_srgb * rgb, self.white)
+    }
+}
+
+/// Wavelength of the sample `i` of a dense spectrum, nm.
+pub(super) fn nm(i: usize) -> f64 {
+    f64::from(VISIBLE_NM.0) + i as f64
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! Standard light sources.
 //!
 //! Model: relative spectral power, scaled to Y = 1 for the CIE 1931 observer in the convention of
-//! [`Observer`](super::Observer). A light multiplies it by its `radiance` or `irradiance`, which are
+//! [`Observer`]. A light multiplies it by its `radiance` or `irradiance`, which are
 //! luminances by that.
 //!
 //! | name | spectrum | source |
@@ -194,7 +194,7 @@ mod tests {
             assert_eq!(serde_json::from_str::<Illuminant>(&json).unwrap(), illuminant);
         }
         let toml: std::collections::HashMap<String, Illuminant> =
-            toml::from_str("a = \"D50\"\nb = { blackbody_k = 3000.0 }").unwrap();
+            toml::from_str("a = \"D50\"\nb = { blackbody_k = 3000 }").unwrap();
         assert_eq!(toml["a"], Illuminant::D50);
         assert_eq!(toml["b"], Illuminant::Blackbody(3000.0));
         assert_eq!("d65".parse::<Illuminant>().unwrap(), Illuminant::D65);

@@ -12,10 +12,13 @@ pub mod spectra;
 pub mod observer;
 pub mod illuminant;
 pub mod color;
+pub mod rgb_basis;
 pub mod upsample;
 
 pub use illuminant::Illuminant;
 pub use observer::Observer;
+pub use rgb_basis::{RgbBasis, emission_from_rgb};
 pub use sampled::{LANES, SampledSpectrum, SampledWavelengths, VISIBLE_NM};
 pub use spectra::Spectrum;
 pub use table::Table;
+pub use upsample::{reflectance_from_rgb, reflectance_transmittance_from_rgb};

@@ -10,28 +10,18 @@
 //! makes light. Here R = A q and T = A (1 - q), with A and q each such a sigmoid, so that R + T = A <= 1 at
 //! every wavelength by construction; the six coefficients are fitted to both colours at once (our method).
 //!
-//! **Light** ([`emission_from_rgb`], [`RgbBasis`]): a linear combination of three spectra that are
-//! non-negative, sum to one at every wavelength and have the colours (1,0,0), (0,1,0), (0,0,1) under D65
-//! (the idea of Mallett and Yuksel 2019, "Spectral primary decomposition for rendering with sRGB
-//! reflectance"). Ours are B_i = exp(q_i) / sum exp(q_j) with q_red and q_green quadratics in x and
-//! q_blue = 0: six coefficients for six colour equations, solved once. Any colour of any brightness costs
-//! three products per wavelength, and its colour is exact; it suits every pixel of an environment map.
-//!
-//! Colour error: below [`MAX_DELTA_E`] in L*a*b* for every input, in practice below 1e-3. Where sigmoids
-//! cannot reach it (nearly black, pure and opposite colours on the two sides), the combination of
-//! [`RgbBasis`] takes their place, which keeps every bound because it is linear and sums to one.
+//! Colour error: below [`MAX_DELTA_E`] in L*a*b* for every input, for almost all below 1e-3. Where sigmoids
+//! cannot reach it (opposite pure colours on the two sides), the combination of [`RgbBasis`] takes their
+//! place, which keeps every bound because it is linear and sums to one.
 //! Limits: spectra are smooth, and are one guess among all of that colour (`colours_come_back`,
-//! `joint_fit_keeps_colours_and_energy`, `basis_is_exact`).
+//! `joint_fit_keeps_colours_and_energy`, `opposite_pure_colours_use_the_basis`).
 
-use std::sync::{Arc, OnceLock};
+use glam::DVec3;
 
-use glam::{DMat3, DVec3};
-
-use super::color::lab;
-use super::illuminant::{Illuminant, d65};
-use super::observer::Observer;
-use super::sampled::{SampledSpectrum, SampledWavelengths, VISIBLE_NM};
-use super::spectra::{DENSE_SAMPLES, Spectrum};
+use super::color::{CHANNELS, D65Colour};
+use super::rgb_basis::{RgbBasis, quadratic, six};
+use super::spectra::Spectrum;
+use crate::math::solve::levenberg_marquardt;
 use crate::{Error, Result};
 
 /// The largest difference (CIE 1976) between a colour and that of its spectrum under D65.
@@ -106,91 +96,9 @@ pub fn reflectance_transmittance_from_rgb(
     Ok((part(|(r, _)| r), part(|(_, t)| t)))
 }
 
-/// A light whose colour relative to the illuminant's white is `rgb`, of any brightness: white is the
-/// illuminant itself. Under D65 it has exactly this colour.
-pub fn emission_from_rgb(rgb: [f32; 3], illuminant: &Illuminant, at: &str) -> Result<Spectrum> {
-    let light = illuminant.spectrum()?;
-    if rgb[0] == rgb[1] && rgb[1] == rgb[2] && rgb[0].is_finite() && rgb[0] >= 0.0 {
-        return Ok(light.scaled(rgb[0]));
-    }
-    Ok(RgbBasis::get().spectrum(rgb, at)?.zip(&light, |s, l| s * l))
-}
-
-const CHANNELS: [&str; 3] = ["red", "green", "blue"];
-
-/// Three spectra that split white into the primaries of sRGB.
-///
-/// Because they sum to one, combinations of colours that add up to at most white never pass 1: two
-/// textures with r + t <= 1 give R + T <= 1.
-pub struct RgbBasis {
-    coefficients: [f64; 6],
-    /// At 380, 381 ... 780 nm, the last entry doubled so that 780 nm interpolates too.
-    lanes: [[f32; 4]; DENSE_SAMPLES + 1],
-}
-
-impl RgbBasis {
-    /// The basis, solved on first use.
-    pub fn get() -> &'static RgbBasis {
-        static BASIS: OnceLock<RgbBasis> = OnceLock::new();
-        BASIS.get_or_init(|| {
-            let (coefficients, _) = levenberg_marquardt([0.0; 6], 1e-12, |c| {
-                let mut colours = [DVec3::ZERO; 2];
-                for (w, l) in D65Colour::get().iter() {
-                    let b = primaries(c, l);
-                    colours[0] += w * b.x;
-                    colours[1] += w * b.y;
-                }
-                six(colours[0] - DVec3::X, colours[1] - DVec3::Y)
-            });
-            let mut lanes = [[0.0; 4]; DENSE_SAMPLES + 1];
-            for (i, lane) in lanes.iter_mut().enumerate() {
-                let b = primaries(&coefficients, nm(i.min(DENSE_SAMPLES - 1))).as_vec3();
-                *lane = [b.x, b.y, b.z, 0.0];
-            }
-            RgbBasis { coefficients, lanes }
-        })
-    }
-
-    /// The combination `rgb` at the wavelengths of a path; multiply by the illuminant's values for light.
-    /// Negative channels count as zero.
-    pub fn sample(&self, rgb: [f32; 3], lambda: &SampledWavelengths) -> SampledSpectrum {
-        let [r, g, b] = rgb.map(|v| v.max(0.0));
-        SampledSpectrum(lambda.lambda_nm().map(|l| {
-            let x = (l - VISIBLE_NM.0).clamp(0.0, (DENSE_SAMPLES - 1) as f32);
-            let i = x as usize;
-            let t = x - i as f32;
-            let (p, q) = (&self.lanes[i], &self.lanes[i + 1]);
-            let mix = |k: usize| p[k] + (q[k] - p[k]) * t;
-            r * mix(0) + g * mix(1) + b * mix(2)
-        }))
-    }
-
-    /// The combination `rgb` as a spectrum; channels must be finite and not negative.
-    pub fn spectrum(&self, rgb: [f32; 3], at: &str) -> Result<Spectrum> {
-        if let Some(i) = (0..3).find(|&i| !(rgb[i].is_finite() && rgb[i] >= 0.0)) {
-            return Err(Error::invalid(at, format!("{} is {}: expected 0 or more", CHANNELS[i], rgb[i])));
-        }
-        let colour = DVec3::from(rgb.map(f64::from));
-        Ok(Spectrum::from_fn(|l| colour.dot(self.at(l))))
-    }
-
-    fn at(&self, lambda_nm: f64) -> DVec3 {
-        primaries(&self.coefficients, lambda_nm)
-    }
-}
-
-fn nm(i: usize) -> f64 {
-    f64::from(VISIBLE_NM.0) + i as f64
-}
-
-fn quadratic(c: &[f64], lambda_nm: f64) -> f64 {
-    let x = (lambda_nm - 580.0) / 200.0;
-    c[0] + x * (c[1] + x * c[2])
-}
-
 fn sigmoid(t: f64) -> f64 {
     // For negative t in the form that does not cancel.
-    let h = 1.0f64.hypot(t);
+    let h = (1.0 + t * t).sqrt();
     if t < 0.0 { 0.5 / (h * (h - t)) } else { 0.5 + 0.5 * t / h }
 }
 
@@ -204,50 +112,6 @@ fn sheet(c: &[f64; 6], lambda_nm: f64) -> (f64, f64) {
     let total = sigmoid(quadratic(&c[..3], lambda_nm));
     let share = quadratic(&c[3..], lambda_nm);
     (total * sigmoid(share), total * sigmoid(-share))
-}
-
-/// The three basis spectra of the six coefficients.
-fn primaries(c: &[f64; 6], lambda_nm: f64) -> DVec3 {
-    let q = DVec3::new(quadratic(&c[..3], lambda_nm), quadratic(&c[3..], lambda_nm), 0.0);
-    let e = (q - q.max_element()).exp();
-    e / e.element_sum()
-}
-
-/// Linear sRGB of a reflectance under D65, and L*a*b* of linear sRGB.
-struct D65Colour {
-    rgb_weights: Arc<[DVec3; DENSE_SAMPLES]>,
-    xyz_from_srgb: DMat3,
-    white: DVec3,
-}
-
-impl D65Colour {
-    fn get() -> &'static D65Colour {
-        static COLOUR: OnceLock<D65Colour> = OnceLock::new();
-        COLOUR.get_or_init(|| {
-            let observer = Observer::Cie1931;
-            let m = observer.srgb_from_xyz();
-            let weights = observer.weights();
-            let light = |i: usize| f64::from(d65().at(nm(i) as f32));
-            D65Colour {
-                rgb_weights: Arc::new(std::array::from_fn(|i| m * DVec3::from(weights[i]) * light(i))),
-                xyz_from_srgb: observer.xyz_from_srgb(),
-                white: observer.white(),
-            }
-        })
-    }
-
-    /// Weight and wavelength of each nm.
-    fn iter(&self) -> impl Iterator<Item = (DVec3, f64)> {
-        self.rgb_weights.iter().enumerate().map(|(i, w)| (*w, nm(i)))
-    }
-
-    fn lab(&self, rgb: DVec3) -> DVec3 {
-        lab(self.xyz_from_srgb * rgb, self.white)
-    }
-}
-
-fn six(a: DVec3, b: DVec3) -> [f64; 6] {
-    [a.x, a.y, a.z, b.x, b.y, b.z]
 }
 
 /// Coefficients for one colour, and their colour error.
@@ -285,86 +149,13 @@ fn fit_two(r: DVec3, t: DVec3) -> ([f64; 6], f64) {
     })
 }
 
-/// Root of `residual` by damped Gauss-Newton steps, with the length of what remains. Numeric derivatives:
-/// a colour is fitted once, and the residual is smooth.
-fn levenberg_marquardt<const N: usize>(
-    mut p: [f64; N],
-    goal: f64,
-    residual: impl Fn(&[f64; N]) -> [f64; N],
-) -> ([f64; N], f64) {
-    let square = |r: &[f64; N]| r.iter().map(|v| v * v).sum::<f64>();
-    let mut r = residual(&p);
-    let mut error = square(&r);
-    let mut damping = 1e-2;
-    for _ in 0..60 {
-        if error <= goal * goal {
-            break;
-        }
-        // jacobian[j][i] = d r_i / d p_j
-        let jacobian: [[f64; N]; N] = std::array::from_fn(|j| {
-            let h = 1e-6 * (1.0 + p[j].abs());
-            let (mut above, mut below) = (p, p);
-            above[j] += h;
-            below[j] -= h;
-            let (a, b) = (residual(&above), residual(&below));
-            std::array::from_fn(|i| (a[i] - b[i]) / (2.0 * h))
-        });
-        let dot = |a: &[f64; N], b: &[f64; N]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
-        let normal: [[f64; N]; N] =
-            std::array::from_fn(|i| std::array::from_fn(|j| dot(&jacobian[i], &jacobian[j])));
-        let gradient: [f64; N] = std::array::from_fn(|i| -dot(&jacobian[i], &r));
-        let trace: f64 = (0..N).map(|i| normal[i][i]).sum();
-        let mut improved = false;
-        for _ in 0..12 {
-            let mut damped = normal;
-            for (i, row) in damped.iter_mut().enumerate() {
-                row[i] += damping * (row[i] + 1e-9 * trace);
-            }
-            let step = solve_positive(damped, gradient);
-            let next: [f64; N] = std::array::from_fn(|i| p[i] + step[i]);
-            let next_r = residual(&next);
-            let next_error = square(&next_r);
-            if next_error < error {
-                (p, r, error) = (next, next_r, next_error);
-                damping = (damping / 5.0).max(1e-12);
-                improved = true;
-                break;
-            }
-            damping *= 4.0;
-        }
-        if !improved {
-            break;
-        }
-    }
-    (p, error.sqrt())
-}
-
-/// Solves a symmetric positive definite system by elimination (which needs no pivoting for these).
-fn solve_positive<const N: usize>(mut a: [[f64; N]; N], mut b: [f64; N]) -> [f64; N] {
-    for k in 0..N {
-        let (pivot, pivot_b) = (a[k], b[k]);
-        for i in k + 1..N {
-            let f = a[i][k] / pivot[k];
-            for (v, p) in a[i].iter_mut().zip(&pivot).skip(k) {
-                *v -= f * p;
-            }
-            b[i] -= f * pivot_b;
-        }
-    }
-    for k in (0..N).rev() {
-        for j in k + 1..N {
-            b[k] -= a[k][j] * b[j];
-        }
-        b[k] /= a[k][k];
-    }
-    b
-}
-
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::spectrum::Observer;
+    use crate::spectrum::illuminant::d65;
 
     /// Linear sRGB of a spectrum under D65.
     fn rgb_of(s: &Spectrum) -> DVec3 {
@@ -466,43 +257,7 @@ mod tests {
             assert!(reflectance_transmittance_from_rgb([0.1, 0.2, 0.3], [0.5, 0.4, bad], "p").is_err());
             assert!(reflectance_transmittance_from_rgb([0.0; 3], [bad, 0.0, 0.0], "p").is_err());
         }
-        assert!(emission_from_rgb([1.0, f32::NAN, 0.0], &Illuminant::D65, "lamp").is_err());
-        assert!(emission_from_rgb([-1.0; 3], &Illuminant::D65, "lamp").is_err());
         let e = reflectance_transmittance_from_rgb([0.1, 0.2, 0.6], [0.1, 0.2, 0.5], "p").unwrap_err();
         assert!(e.to_string().contains("blue"), "{e}");
-    }
-
-    #[test]
-    fn basis_is_exact() {
-        let basis = RgbBasis::get();
-        for rgb in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 1.0, 1.0], [0.2, 30.0, 5.0]] {
-            let s = basis.spectrum(rgb, "c").unwrap();
-            let error = (rgb_of(&s) - DVec3::from(rgb.map(f64::from))).abs().max_element();
-            assert!(s.min() >= 0.0 && error < 1e-6 * 30.0, "{rgb:?}: {error}");
-        }
-        for i in 0..DENSE_SAMPLES {
-            assert!((basis.at(nm(i)).element_sum() - 1.0).abs() < 1e-12);
-        }
-    }
-
-    #[test]
-    fn light_of_a_pixel_has_its_colour() {
-        // The path of an environment map: RGB x D65 at sampled wavelengths, back to RGB by the film.
-        let rgb = [4.0, 0.5, 1.5];
-        let n = 4000;
-        let mut mean = DVec3::ZERO;
-        for i in 0..n {
-            let lambda = SampledWavelengths::visible((i as f32 + 0.5) / n as f32);
-            let light = RgbBasis::get().sample(rgb, &lambda) * d65().sample(&lambda);
-            let xyz = Observer::Cie1931.xyz_from_samples(&light, &lambda);
-            mean += Observer::Cie1931.srgb_from_xyz() * DVec3::from(xyz.map(f64::from)) / f64::from(n);
-        }
-        assert!((mean - DVec3::new(4.0, 0.5, 1.5)).abs().max_element() < 2e-3, "{mean}");
-        let lamp = emission_from_rgb(rgb, &Illuminant::D65, "lamp").unwrap();
-        let xyz = DVec3::from(Observer::Cie1931.xyz_of(&lamp));
-        let back = Observer::Cie1931.srgb_from_xyz() * xyz;
-        assert!((back - DVec3::new(4.0, 0.5, 1.5)).abs().max_element() < 1e-4, "{back}");
-        let a = Illuminant::A;
-        assert_eq!(emission_from_rgb([2.0; 3], &a, "l").unwrap(), a.spectrum().unwrap().scaled(2.0));
     }
 }
