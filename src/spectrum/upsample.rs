@@ -241,10 +241,12 @@ mod tests {
 
     #[test]
     fn opposite_pure_colours_use_the_basis() {
-        for (r, t) in [([0.9, 0.0, 0.0], [0.0, 0.0, 0.9]), ([1.0, 0.0, 0.0], [0.0, 1.0, 1.0])] {
+        for (r, t) in [([0.5f32, 0.0, 0.0], [0.0f32, 0.5, 0.0]), ([1.0, 0.0, 0.0], [0.0, 0.0, 0.5])] {
+            let wide = |c: [f32; 3]| DVec3::from(c.map(f64::from));
+            assert!(fit_two(wide(r), wide(t)).1 > MAX_DELTA_E, "the sigmoids reach this one");
             let (rs, ts) = reflectance_transmittance_from_rgb(r, t, "sheet").unwrap();
             assert!(most(&rs, &ts) <= 1.0);
-            assert!(delta_e(&rs, r) < MAX_DELTA_E && delta_e(&ts, t) < MAX_DELTA_E);
+            assert!(delta_e(&rs, r) < 2e-3 && delta_e(&ts, t) < 2e-3);
         }
     }
 
