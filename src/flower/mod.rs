@@ -1,1 +1,83 @@
-//! placeholder
+//! A rose, grown organ by organ: [`rose::grow`] turns a [`RoseDescription`] into a [`Flower`] of meshes.
+//!
+//! ```text
+//! RoseDescription --phyllotaxis--> azimuth, layer of each petal --bloom--> where its layer lies in space
+//!                                                               --petal--> one sheet --sheet--> Mesh
+//! ```
+//!
+//! Frame: millimetres; the axis of the flower is +z, the petals are inserted at the origin, the stem hangs
+//! below it. Petal 0 is the innermost. A petal, a sepal or a leaflet is one sheet of no thickness with two
+//! sides: its normals point to the adaxial side (towards the axis, or up), its triangles run
+//! counter-clockwise seen from there, and its texture coordinates are its flat shape, undistorted.
+//!
+//! How petals keep out of each other's way: they lie on a family of nested cups ([`bloom`]), each petal on
+//! its own. What is added to a petal alone (its rolled rim, its ruffle) is smaller than the gap to the next
+//! petal at the same azimuth, apart from the outermost rims. Guarded by `few_petals_cross`.
+
+pub mod bloom;
+pub mod petal;
+pub mod phyllotaxis;
+pub mod rose;
+pub mod sepal;
+pub mod sheet;
+pub mod stem;
+
+use crate::geometry::Mesh;
+
+pub use rose::{RoseDescription, grow};
+
+/// What an organ is. Materials are given per kind.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum OrganKind {
+    /// A petal; index 0 is the innermost.
+    Petal,
+    /// A green sepal under the petals.
+    Sepal,
+    /// The urn that carries sepals and petals, a closed solid.
+    Receptacle,
+    /// The stem, a closed tube.
+    Stem,
+    /// A leaflet of a leaf on the stem.
+    Leaf,
+}
+
+/// One mesh of a flower.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Organ {
+    /// What it is.
+    pub kind: OrganKind,
+    /// Counts the organs of one kind from 0.
+    pub index: u32,
+    /// Shape in millimetres, with normals and texture coordinates.
+    pub mesh: Mesh,
+    /// Millimetres per unit of each texture coordinate: (across, along).
+    pub uv_scale_mm: [f32; 2],
+}
+
+/// A grown flower.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Flower {
+    /// All organs: petals from the innermost out, then the rest.
+    pub organs: Vec<Organ>,
+}
+
+impl Flower {
+    /// The organs of one kind.
+    pub fn of_kind(&self, kind: OrganKind) -> impl Iterator<Item = &Organ> {
+        self.organs.iter().filter(move |o| o.kind == kind)
+    }
+
+    /// Number of triangles of all organs.
+    pub fn triangle_count(&self) -> usize {
+        self.organs.iter().map(|o| o.mesh.triangles.len()).sum()
+    }
+
+    /// Everything as one mesh.
+    pub fn merged(&self) -> Mesh {
+        let mut all = Mesh::default();
+        for organ in &self.organs {
+            all.append(&organ.mesh);
+        }
+        all
+    }
+}

@@ -1,0 +1,518 @@
+//! The description of a rose and the rose that grows from it.
+//!
+//! Sizes, published: garden hybrid teas carry 30-50 petals in flowers of 8-13 cm (RHS and ARS classes:
+//! "large-flowered", 26-40 petals "full", over 41 "very full"); a wild rose has 5 petals and 3-7 cm. Lengths
+//! and widths of single petals are our reading.
+
+use std::str::FromStr;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::flower::bloom::{Bloom, BloomDescription};
+use crate::flower::petal::{PetalForm, PetalSurface};
+use crate::flower::phyllotaxis::{GOLDEN_ANGLE_DEG, Spiral, vary};
+use crate::flower::sepal::{SepalDescription, SepalSurface};
+use crate::flower::sheet::{Sheet, mesh};
+use crate::flower::stem::StemDescription;
+use crate::flower::{Flower, Organ, OrganKind};
+use crate::{Error, Result};
+
+/// A rose. Every key has a default: the preset `hybrid_tea`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct RoseDescription {
+    /// Seed of all that differs between two flowers of one kind (default 1).
+    pub seed: u64,
+    /// Number of petals (default 36).
+    pub petals: u32,
+    /// Angle from one petal to the next, deg (default 137.50776, the golden angle).
+    pub divergence_deg: f64,
+    /// Size of the seeded differences between petals: 0 = none, 1 = natural (default 1).
+    pub irregularity: f64,
+    /// Fineness of the meshes: 1 = about 50 000 triangles; triangles grow with its square (default 1).
+    pub detail: f64,
+    /// Shape of the petals.
+    pub petal: PetalDescription,
+    /// How the petals open.
+    pub bloom: BloomDescription,
+    /// Sepals.
+    pub sepals: SepalDescription,
+    /// Receptacle and stem.
+    pub stem: StemDescription,
+}
+
+/// Shape of the petals. What differs from the centre out has an inner and an outer value.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct PetalDescription {
+    /// Length of the innermost petal, mm (default 43).
+    pub inner_length_mm: f64,
+    /// Length of the outer half of the petals, mm (default 46).
+    pub length_mm: f64,
+    /// Width of the innermost petal, mm (default 17).
+    pub inner_width_mm: f64,
+    /// Width of the outer half of the petals, mm (default 50).
+    pub width_mm: f64,
+    /// Width at the receptacle, mm (default 9).
+    pub claw_width_mm: f64,
+    /// Where the petal is widest, as a part of its length (default 0.6).
+    pub widest: f64,
+    /// Point (positive) or notch (negative) in the middle of the rim of the outermost petals, mm
+    /// (default 3).
+    pub tip_mm: f64,
+    /// How far the margins stand up from the middle of the petal, mm (default 1.5).
+    pub cup_mm: f64,
+    /// Turn of the rolled margin of the innermost petals, deg (default 25).
+    pub roll_inner_deg: f64,
+    /// Turn of the rolled margin of the outermost petals, deg (default 150).
+    pub roll_outer_deg: f64,
+    /// Width of the rolled margin of the outermost petals, mm (default 14).
+    pub roll_width_mm: f64,
+    /// Roll in the middle of the rim, as a part of the roll at the shoulders: less than 1 leaves a point
+    /// (default 0.5).
+    pub roll_tip: f64,
+    /// Amplitude of the waves of the rim, mm (default 0.8).
+    pub ruffle_mm: f64,
+    /// Waves along the rim (default 2.5).
+    pub ruffle_waves: f64,
+}
+
+impl Default for PetalDescription {
+    fn default() -> Self {
+        Self {
+            inner_length_mm: 43.0,
+            length_mm: 46.0,
+            inner_width_mm: 17.0,
+            width_mm: 50.0,
+            claw_width_mm: 9.0,
+            widest: 0.6,
+            tip_mm: 3.0,
+            cup_mm: 1.5,
+            roll_inner_deg: 25.0,
+            roll_outer_deg: 150.0,
+            roll_width_mm: 14.0,
+            roll_tip: 0.5,
+            ruffle_mm: 0.8,
+            ruffle_waves: 2.5,
+        }
+    }
+}
+
+impl PetalDescription {
+    /// Checks every key; `at` is the dotted path of this table.
+    pub fn validate(&self, at: &str) -> Result<()> {
+        check(at, "inner_length_mm", self.inner_length_mm, 1.0, 200.0)?;
+        check(at, "length_mm", self.length_mm, 1.0, 200.0)?;
+        check(at, "inner_width_mm", self.inner_width_mm, 1.0, 200.0)?;
+        check(at, "width_mm", self.width_mm, 1.0, 200.0)?;
+        check(at, "claw_width_mm", self.claw_width_mm, 0.5, 100.0)?;
+        check_unit_open(at, "widest", self.widest)?;
+        check(at, "tip_mm", self.tip_mm, -20.0, 20.0)?;
+        check(at, "cup_mm", self.cup_mm, -20.0, 20.0)?;
+        check(at, "roll_inner_deg", self.roll_inner_deg, -360.0, 360.0)?;
+        check(at, "roll_outer_deg", self.roll_outer_deg, -360.0, 360.0)?;
+        check(at, "roll_width_mm", self.roll_width_mm, 0.1, 50.0)?;
+        check(at, "roll_tip", self.roll_tip, 0.0, 2.0)?;
+        check(at, "ruffle_mm", self.ruffle_mm, 0.0, 10.0)?;
+        check(at, "ruffle_waves", self.ruffle_waves, 0.0, 20.0)
+    }
+}
+
+impl Default for RoseDescription {
+    fn default() -> Self {
+        Self::hybrid_tea()
+    }
+}
+
+impl RoseDescription {
+    /// Names of the presets, for help texts and schemas.
+    pub const PRESETS: [&str; 3] = ["hybrid_tea", "cupped", "wild"];
+
+    /// The florist's rose in bloom: a high closed centre, outer petals that open and roll back.
+    pub fn hybrid_tea() -> Self {
+        Self {
+            seed: 1,
+            petals: 36,
+            divergence_deg: GOLDEN_ANGLE_DEG,
+            irregularity: 1.0,
+            detail: 1.0,
+            petal: PetalDescription::default(),
+            bloom: BloomDescription::default(),
+            sepals: SepalDescription::default(),
+            stem: StemDescription::default(),
+        }
+    }
+
+    /// An old garden rose: a deep cup, many petals, round rims.
+    pub fn cupped() -> Self {
+        let mut d = Self::hybrid_tea();
+        d.petals = 45;
+        d.petal.roll_outer_deg = 40.0;
+        d.petal.tip_mm = -1.0;
+        d.petal.roll_tip = 1.0;
+        d.bloom.outer_deg = 40.0;
+        d.bloom.inner_deg = -4.0;
+        d.bloom.reflex_outer_deg = 10.0;
+        d.bloom.reflex_inner_deg = 5.0;
+        d
+    }
+
+    /// A wild rose: five notched petals, wide open.
+    pub fn wild() -> Self {
+        let mut d = Self::hybrid_tea();
+        d.petals = 5;
+        d.divergence_deg = 144.0;
+        d.petal.inner_length_mm = 27.0;
+        d.petal.length_mm = 27.0;
+        d.petal.inner_width_mm = 30.0;
+        d.petal.width_mm = 30.0;
+        d.petal.tip_mm = -2.5;
+        d.petal.roll_inner_deg = 20.0;
+        d.petal.roll_outer_deg = 20.0;
+        d.petal.roll_width_mm = 6.0;
+        d.bloom.inner_deg = 72.0;
+        d.bloom.outer_deg = 76.0;
+        d.bloom.base_inner_deg = 60.0;
+        d.bloom.base_outer_deg = 64.0;
+        d.bloom.reflex_inner_deg = 0.0;
+        d.bloom.reflex_outer_deg = 10.0;
+        d.stem.receptacle_radius_mm = 4.0;
+        d.stem.receptacle_height_mm = 9.0;
+        d.stem.radius_mm = 1.5;
+        d
+    }
+
+    /// Checks every key; `at` is the dotted path of this table ("rose", or "").
+    pub fn validate(&self, at: &str) -> Result<()> {
+        check(at, "petals", f64::from(self.petals), 1.0, 400.0)?;
+        check(at, "divergence_deg", self.divergence_deg, -360.0, 360.0)?;
+        check(at, "irregularity", self.irregularity, 0.0, 3.0)?;
+        check(at, "detail", self.detail, 0.1, 20.0)?;
+        let sub = |key: &str| if at.is_empty() { key.to_owned() } else { format!("{at}.{key}") };
+        self.petal.validate(&sub("petal"))?;
+        self.bloom.validate(&sub("bloom"))?;
+        self.sepals.validate(&sub("sepals"))?;
+        self.stem.validate(&sub("stem"))
+    }
+}
+
+impl FromStr for RoseDescription {
+    type Err = Error;
+
+    /// The preset of that name.
+    fn from_str(name: &str) -> Result<Self> {
+        match name {
+            "hybrid_tea" => Ok(Self::hybrid_tea()),
+            "cupped" => Ok(Self::cupped()),
+            "wild" => Ok(Self::wild()),
+            _ => Err(Error::invalid(
+                "preset",
+                format!("no rose is called `{name}`; presets are {}", Self::PRESETS.join(", ")),
+            )),
+        }
+    }
+}
+
+/// Grows the rose.
+pub fn grow(description: &RoseDescription) -> Result<Flower> {
+    description.validate("rose")?;
+    let d = description;
+    let scaled = |n: f64| ((n * d.detail).round() as usize).max(4);
+    let mut flower = Flower::default();
+    let bloom = Bloom::new(
+        &d.bloom,
+        d.petals,
+        d.petal.inner_length_mm,
+        d.petal.length_mm,
+        d.stem.receptacle_radius_mm,
+    )
+    .sway(d.seed, d.irregularity);
+    for index in 0..d.petals {
+        let petal = PetalSurface::new(petal_form(d, &bloom, index), &bloom);
+        // Inner petals hide each other and wind further around: more columns, fewer rows.
+        add(
+            &mut flower,
+            OrganKind::Petal,
+            index,
+            mesh(&petal, scaled(24.0), scaled(30.0), 1.5),
+            petal.uv_scale_mm(),
+        );
+    }
+    let spiral = Spiral { divergence_deg: 144.0, jitter_deg: 6.0 * d.irregularity, seed: d.seed ^ 0x5e9a1 };
+    for index in 0..d.sepals.count {
+        let v = |k| d.irregularity * vary(d.seed ^ 0x5e9a1, index, k);
+        let mut form = d.sepals.clone();
+        form.length_mm *= 1.0 + 0.1 * v(1);
+        form.end_deg = (form.end_deg + 15.0 * v(2)).min(180.0);
+        let divergence_deg = if d.sepals.count == 5 { 144.0 } else { GOLDEN_ANGLE_DEG };
+        let sepal = SepalSurface {
+            form,
+            azimuth_deg: Spiral { divergence_deg, ..spiral }.azimuth_deg(index),
+            radius_mm: 0.9 * d.stem.receptacle_radius_mm,
+            height_mm: -0.05 * d.stem.receptacle_height_mm,
+        };
+        add(
+            &mut flower,
+            OrganKind::Sepal,
+            index,
+            mesh(&sepal, scaled(6.0), scaled(16.0), 1.0),
+            sepal.uv_scale_mm(),
+        );
+    }
+    let (receptacle, scale) = d.stem.receptacle(scaled(32.0));
+    add(&mut flower, OrganKind::Receptacle, 0, receptacle, scale);
+    let (stem, scale) = d.stem.stem(scaled(24.0), scaled(24.0));
+    add(&mut flower, OrganKind::Stem, 0, stem, scale);
+    Ok(flower)
+}
+
+fn add(flower: &mut Flower, kind: OrganKind, index: u32, mesh: crate::geometry::Mesh, uv_scale_mm: [f32; 2]) {
+    flower.organs.push(Organ { kind, index, mesh, uv_scale_mm });
+}
+
+/// The traits of petal `index`.
+fn petal_form(d: &RoseDescription, bloom: &Bloom, index: u32) -> PetalForm {
+    let p = &d.petal;
+    let v = |k| d.irregularity * vary(d.seed, index, k);
+    let spiral = Spiral { divergence_deg: d.divergence_deg, jitter_deg: 4.0 * d.irregularity, seed: d.seed };
+    // Outer petals have room to stand out of order.
+    let loose = f64::from(index) / f64::from(d.petals);
+    let layer = f64::from(index) + 1.0 + (0.1 + 0.5 * loose) * v(1);
+    let age = bloom.age(layer);
+    let grown = (2.0 * age).min(1.0) * (2.0 - (2.0 * age).min(1.0));
+    let lerp = |a: f64, b: f64, t: f64| a + (b - a) * t.clamp(0.0, 1.0);
+    let roll = lerp(p.roll_inner_deg, p.roll_outer_deg, age);
+    let length_mm = bloom.length_mm(age) * (1.0 + 0.04 * v(2));
+    let width_mm = lerp(p.inner_width_mm, p.width_mm, grown) * (1.0 + 0.06 * v(3));
+    // The margin may roll into the space before the next petal, not through it: first the roll gets tighter,
+    // then, from a quarter of its width down, weaker.
+    let clearance_mm = CLEARANCE_USED * bloom.clearance_mm(layer, length_mm, width_mm);
+    let reach = rolled_depth(roll.to_radians());
+    let full_mm = p.roll_width_mm * lerp(0.4, 1.0, age * 1.5);
+    let roll_width_mm = (clearance_mm / reach.abs().max(1e-6)).clamp(0.3 * full_mm, full_mm);
+    let roll = roll * (clearance_mm / (reach.abs() * roll_width_mm).max(1e-6)).min(1.0);
+    PetalForm {
+        layer,
+        azimuth_deg: spiral.azimuth_deg(index),
+        length_mm,
+        width_mm,
+        claw_width_mm: p.claw_width_mm * lerp(0.5, 1.0, age),
+        widest: p.widest,
+        tip_mm: p.tip_mm * age * (1.0 + 0.5 * v(4)),
+        cup_mm: p.cup_mm * age * (1.0 + 0.5 * v(5)),
+        roll_deg: [
+            roll * (1.0 + 0.35 * v(6)),
+            roll * p.roll_tip * (1.0 + 0.3 * v(7)),
+            roll * (1.0 + 0.35 * v(8)),
+        ],
+        roll_width_mm,
+        ruffle_mm: (p.ruffle_mm * age).min(0.4 * clearance_mm),
+        ruffle_waves: p.ruffle_waves * (1.0 + 0.3 * v(9)),
+        ruffle_phase: std::f64::consts::PI * vary(d.seed, index, 10),
+    }
+}
+
+/// Part of the space between two petals that a rolled margin may use.
+const CLEARANCE_USED: f64 = 0.8;
+
+/// How far a margin of width 1 that turns by `roll` radians stands off its petal.
+fn rolled_depth(roll: f64) -> f64 {
+    (0..16).map(|k| (roll * ((f64::from(k) + 0.5) / 16.0).powi(2)).sin() / 16.0).sum()
+}
+
+/// Checks that a value is a number from `low` to `high`.
+pub(crate) fn check(at: &str, key: &str, value: f64, low: f64, high: f64) -> Result<()> {
+    if value >= low && value <= high {
+        return Ok(());
+    }
+    let at = if at.is_empty() { key.to_owned() } else { format!("{at}.{key}") };
+    Err(Error::invalid(at, format!("{value} is not between {low} and {high}")))
+}
+
+/// Checks that a value is a part of the whole, neither nothing nor all.
+pub(crate) fn check_unit_open(at: &str, key: &str, value: f64) -> Result<()> {
+    check(at, key, value, 0.01, 0.99)
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+    use crate::flower::phyllotaxis::GOLDEN_ANGLE_DEG;
+
+    fn preset(name: &str) -> RoseDescription {
+        name.parse().expect("a preset")
+    }
+
+    /// Largest extent of the petals across the axis, mm.
+    fn diameter_mm(f: &Flower) -> f32 {
+        2.0 * f
+            .of_kind(OrganKind::Petal)
+            .flat_map(|o| &o.mesh.positions)
+            .map(|p| p.truncate().length())
+            .fold(0.0, f32::max)
+    }
+
+    #[test]
+    fn same_description_same_rose() {
+        let d = RoseDescription { detail: 0.4, ..Default::default() };
+        let again = RoseDescription { seed: 2, ..d.clone() };
+        assert_eq!(grow(&d).expect("grows"), grow(&d).expect("grows"));
+        assert_ne!(grow(&d).expect("grows"), grow(&again).expect("grows"));
+    }
+
+    #[test]
+    fn presets_grow_sound_meshes() {
+        for name in RoseDescription::PRESETS {
+            let d = preset(name);
+            let flower = grow(&d).expect("grows");
+            assert_eq!(flower.of_kind(OrganKind::Petal).count(), d.petals as usize);
+            assert_eq!(flower.of_kind(OrganKind::Sepal).count(), 5);
+            for o in &flower.organs {
+                let at = format!("{name} {:?} {}", o.kind, o.index);
+                o.mesh.validate(&at).expect("valid");
+                assert_eq!(o.mesh.normals.len(), o.mesh.positions.len(), "{at}");
+                assert!(o.mesh.normals.iter().all(|n| (n.length() - 1.0).abs() < 1e-4), "{at}");
+                assert!(
+                    o.mesh.uvs.iter().all(|t| t.min_element() >= -1e-4 && t.max_element() <= 1.0001),
+                    "{at}"
+                );
+                for f in 0..o.mesh.triangles.len() {
+                    assert!(o.mesh.face_area(f) > 1e-5, "{at}: face {f} has area {}", o.mesh.face_area(f));
+                }
+            }
+        }
+        let triangles = grow(&preset("hybrid_tea")).expect("grows").triangle_count();
+        assert!((20_000..=60_000).contains(&triangles), "{triangles}");
+    }
+
+    #[test]
+    fn sizes_are_those_of_garden_roses() {
+        for seed in 0..4 {
+            let d = RoseDescription { seed, detail: 0.5, ..preset("hybrid_tea") };
+            let mm = diameter_mm(&grow(&d).expect("grows"));
+            assert!((80.0..=130.0).contains(&mm), "hybrid tea {seed}: {mm} mm");
+            let mm = diameter_mm(&grow(&RoseDescription { seed, ..preset("wild") }).expect("grows"));
+            assert!((30.0..=70.0).contains(&mm), "wild rose {seed}: {mm} mm");
+        }
+    }
+
+    #[test]
+    fn petals_stand_at_the_divergence_angle() {
+        let d = RoseDescription { irregularity: 0.0, detail: 0.5, ..preset("hybrid_tea") };
+        let flower = grow(&d).expect("grows");
+        let azimuth = |o: &Organ| {
+            // The middle of the rim.
+            let n = (o.mesh.positions.len() as f64).sqrt() as usize;
+            let tip = o
+                .mesh
+                .uvs
+                .iter()
+                .zip(&o.mesh.positions)
+                .filter(|(t, _)| (t.x - 0.5).abs() < 1e-4)
+                .map(|(_, p)| *p)
+                .next_back()
+                .unwrap_or(Vec3::ZERO);
+            assert!(n > 4);
+            f64::from(tip.y.atan2(tip.x)).to_degrees()
+        };
+        let petals: Vec<_> = flower.of_kind(OrganKind::Petal).map(azimuth).collect();
+        for pair in petals[8..].windows(2) {
+            let turn = (pair[1] - pair[0]).rem_euclid(360.0);
+            assert!((turn - GOLDEN_ANGLE_DEG).abs() < 2.0, "{turn}");
+        }
+    }
+
+    #[test]
+    fn normals_point_to_the_axis_and_up() {
+        for name in RoseDescription::PRESETS {
+            for o in grow(&preset(name)).expect("grows").of_kind(OrganKind::Petal) {
+                let mean: f32 = o
+                    .mesh
+                    .positions
+                    .iter()
+                    .zip(&o.mesh.normals)
+                    .map(|(p, n)| n.dot(Vec3::new(-p.x, -p.y, 0.0).normalize_or_zero() + Vec3::Z))
+                    .sum::<f32>()
+                    / o.mesh.positions.len() as f32;
+                assert!(mean > 0.2, "{name} petal {}: {mean}", o.index);
+            }
+        }
+    }
+
+    /// Part of the petals' triangles with an edge that passes through another petal.
+    fn crossing_share(flower: &Flower) -> f64 {
+        use obvhs::{BvhBuildParams, bvh2::builder::build_bvh2_from_tris, ray::Ray, triangle::Triangle};
+        let (mut triangles, mut petal) = (Vec::new(), Vec::new());
+        for o in flower.of_kind(OrganKind::Petal) {
+            for f in 0..o.mesh.triangles.len() {
+                let [v0, v1, v2] = o.mesh.corners(f).map(Into::into);
+                triangles.push(Triangle { v0, v1, v2 });
+                petal.push(o.index);
+            }
+        }
+        let bvh = build_bvh2_from_tris(&triangles, BvhBuildParams::fast_build(), &mut Default::default());
+        let crosses = |k: usize| {
+            let t = &triangles[k];
+            [(t.v0, t.v1), (t.v1, t.v2), (t.v2, t.v0)].into_iter().any(|(a, b)| {
+                let length = (b - a).length();
+                let mut hit = false;
+                bvh.ray_traverse_anyhit(Ray::new(a, (b - a) / length, 0.0, length), |ray, id| {
+                    let other = bvh.primitive_indices[id] as usize;
+                    if petal[other] != petal[k] {
+                        let d = triangles[other].intersect(ray);
+                        hit |= d > 1e-3 && d < length - 1e-3;
+                    }
+                });
+                hit
+            })
+        };
+        (0..triangles.len()).filter(|&k| crosses(k)).count() as f64 / triangles.len() as f64
+    }
+
+    #[test]
+    fn few_petals_cross() {
+        // Petals on their cups alone never meet; what the rims add may touch here and there.
+        let mut plain = RoseDescription { irregularity: 0.0, detail: 2.0, ..preset("hybrid_tea") };
+        plain.petal.cup_mm = 0.0;
+        plain.petal.ruffle_mm = 0.0;
+        plain.petal.roll_inner_deg = 0.0;
+        plain.petal.roll_outer_deg = 0.0;
+        let share = crossing_share(&grow(&plain).expect("grows"));
+        assert!(share == 0.0, "plain: {share}");
+        let share = crossing_share(&grow(&preset("hybrid_tea")).expect("grows"));
+        assert!(share < 0.08, "{share}");
+    }
+
+    #[test]
+    fn bad_descriptions_are_refused() {
+        let bad: [(&str, fn(&mut RoseDescription)); 8] = [
+            ("rose.petals", |d| d.petals = 0),
+            ("rose.detail", |d| d.detail = 0.0),
+            ("rose.divergence_deg", |d| d.divergence_deg = f64::INFINITY),
+            ("rose.petal.length_mm", |d| d.petal.length_mm = -4.0),
+            ("rose.petal.widest", |d| d.petal.widest = f64::NAN),
+            ("rose.bloom.outer_deg", |d| d.bloom.outer_deg = -80.0),
+            ("rose.sepals.width_mm", |d| d.sepals.width_mm = 0.0),
+            ("rose.stem.radius_mm", |d| d.stem.radius_mm = f64::NAN),
+        ];
+        for (key, spoil) in bad {
+            let mut d = RoseDescription::default();
+            spoil(&mut d);
+            let error = grow(&d).expect_err(key).to_string();
+            assert!(error.starts_with(&format!("{key}: ")), "{error}");
+        }
+        assert!("peony".parse::<RoseDescription>().is_err());
+    }
+
+    #[test]
+    fn text_round_trip_and_unknown_keys() {
+        let d = preset("cupped");
+        let text = toml::to_string(&d).expect("writes");
+        assert_eq!(toml::from_str::<RoseDescription>(&text).expect("reads"), d);
+        assert_eq!(toml::from_str::<RoseDescription>("").expect("reads"), RoseDescription::default());
+        assert!(toml::from_str::<RoseDescription>("petal.lenght_mm = 3").is_err());
+    }
+}
