@@ -1,5 +1,7 @@
 //! The one error type of the library. Library code never panics on input and never prints.
 
+use std::fmt;
+use std::ops::Range;
 use std::path::PathBuf;
 
 /// Result with the library's [`enum@Error`].
@@ -24,6 +26,9 @@ pub enum Error {
         /// What is wrong and what would be right.
         what: String,
     },
+    /// A mistake in a text that the user wrote, with its place.
+    #[error(transparent)]
+    Source(#[from] Box<SourceError>),
     /// Valid, but not something that this version can do.
     #[error("not supported: {0}")]
     Unsupported(String),
@@ -51,3 +56,37 @@ impl Error {
         Error::Io { path: path.into(), source }
     }
 }
+
+/// A mistake in a text that the user wrote: a scene file, or one argument that overrides a key of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SourceError {
+    /// The file's name, or the whole argument (`-D film.width=0`).
+    pub name: String,
+    /// The text that `span` points into.
+    pub text: String,
+    /// Bytes of `text` that are wrong.
+    pub span: Range<usize>,
+    /// Line from 1; `None` for an argument.
+    pub line: Option<usize>,
+    /// Character in the line, from 1.
+    pub column: usize,
+    /// Dotted key, empty where the text cannot be read at all.
+    pub key: String,
+    /// What is wrong and what would be right.
+    pub what: String,
+}
+
+impl fmt::Display for SourceError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.name)?;
+        if let Some(line) = self.line {
+            write!(f, ":{line}")?;
+        }
+        if !self.key.is_empty() {
+            write!(f, ": {}", self.key)?;
+        }
+        write!(f, ": {}", self.what)
+    }
+}
+
+impl std::error::Error for SourceError {}

@@ -1,1 +1,41 @@
-//! placeholder
+//! Scene files to scenes.
+//!
+//! ```text
+//! TOML text + overrides --load--> SceneDescription --compile(+ Assets)--> Scene
+//! ```
+//!
+//! [`load()`] finds mistakes of form (syntax, unknown keys, wrong types), [`compile()`] mistakes of meaning;
+//! both end as an error with file, line and key. A [`Scene`] is complete and immutable: it holds every mesh,
+//! spectrum and table that a picture needs, knows no files, and is shared by all threads.
+
+pub mod description;
+pub mod locate;
+pub mod load;
+pub mod assets;
+pub mod camera;
+pub mod environment;
+pub mod emitter;
+pub mod material;
+pub mod shape;
+pub mod compile;
+
+mod color;
+mod hash;
+mod key;
+mod light;
+
+pub use assets::{Assets, DiskAssets, MemoryAssets};
+pub use camera::{Camera, CameraRay};
+pub use compile::{Scene, compile};
+pub use description::{SceneDescription, schema};
+pub use emitter::{Emitter, LightSample, Lights};
+pub use load::{Loaded, Override, load};
+pub use locate::Source;
+pub use material::Material;
+pub use shape::Shape;
+
+/// The built-in default scene: `scenes/rose.toml`.
+pub const DEFAULT_SCENE: &str = include_str!("../../scenes/rose.toml");
+
+/// Name of the built-in default scene in messages.
+pub const DEFAULT_SCENE_NAME: &str = "rose.toml (built in)";

@@ -1,0 +1,269 @@
+//! A description to a [`Scene`]: everything is checked, grown, read and placed.
+
+use std::collections::BTreeMap;
+
+use glam::Vec3;
+
+use super::assets::{Assets, HashedAssets};
+use super::camera::{Camera, CameraSettings};
+use super::description::{
+    CameraDescription, CameraType, FilmDescription, PetalDescription, RenderDescription, RoseMaterials,
+    SceneDescription, ShapeDescription,
+};
+use super::emitter::{Emitter, Lights};
+use super::hash::Fnv128;
+use super::key::Key;
+use super::locate::nearest;
+use super::material::Material;
+use super::shape::{self, Shape};
+use super::{description, light};
+use crate::flower::OrganKind;
+use crate::{Error, Result};
+
+/// All that a picture needs, checked and ready.
+#[derive(Debug)]
+pub struct Scene {
+    /// The picture.
+    pub film: FilmDescription,
+    /// How it is computed.
+    pub render: RenderDescription,
+    /// The petal of [`Material::Petal`].
+    pub petal: PetalDescription,
+    /// Where the picture is taken from.
+    pub camera: Camera,
+    /// Every mesh; a hit's `shape` is an index into it.
+    pub shapes: Vec<Shape>,
+    /// Every material; a shape's `material` is an index into it.
+    pub materials: Vec<Material>,
+    /// Every light; a shape's `emitter` is an index into them.
+    pub lights: Lights,
+    /// Smallest and largest corner of all shapes, mm.
+    pub bounds: (Vec3, Vec3),
+    /// Names what is rendered: equal for equal descriptions and files, whatever `spp` and `seed` are.
+    pub scene_hash: u128,
+}
+
+/// Checks a description and makes it a scene. Errors name the dotted key that is wrong;
+/// [`Source::locate`](super::Source::locate) finds its line.
+pub fn compile(description: &SceneDescription, assets: &dyn Assets) -> Result<Scene> {
+    let assets = HashedAssets::new(assets, hash_of(description)?);
+    check_film(&description.film)?;
+    check_render(&description.render)?;
+    check_petal(&description.petal)?;
+    let camera = camera(&description.camera, [description.film.width, description.film.height])?;
+
+    let mut compiler = Compiler { materials: Vec::new(), ids: BTreeMap::new(), shapes: Vec::new(), emitters: Vec::new() };
+    for (name, d) in &description.materials {
+        let material = Material::compile(d, &Key::new("materials").at(name), &assets)?;
+        compiler.ids.insert(name.clone(), compiler.materials.len() as u32);
+        compiler.materials.push(material);
+    }
+    for (name, d) in &description.shapes {
+        compiler.shape(d, &Key::new("shapes").at(name), &assets)?;
+    }
+    if compiler.shapes.is_empty() {
+        return Err(Error::invalid("shapes", "the scene has no shape; add a [shapes.NAME] table"));
+    }
+    let lit = bounds(compiler.shapes.iter().filter(|s| s.emitter.is_none()));
+    for (name, d) in &description.lights {
+        compiler.light(d, &Key::new("lights").at(name), &assets)?;
+    }
+    if compiler.emitters.is_empty() {
+        return Err(Error::invalid(
+            "lights",
+            "the scene has no light; add a [lights.NAME] table, or `emission` to a shape",
+        ));
+    }
+    let bounds = bounds(compiler.shapes.iter());
+    let lit = if lit.0.is_finite() { lit } else { bounds };
+    let lights = Lights::new(compiler.emitters, (lit.0 + lit.1) / 2.0, (lit.1 - lit.0).length() / 2.0);
+    Ok(Scene {
+        film: description.film.clone(),
+        render: description.render.clone(),
+        petal: description.petal.clone(),
+        camera,
+        shapes: compiler.shapes,
+        materials: compiler.materials,
+        lights,
+        bounds,
+        scene_hash: assets.finish(),
+    })
+}
+
+struct Compiler {
+    materials: Vec<Material>,
+    ids: BTreeMap<String, u32>,
+    shapes: Vec<Shape>,
+    emitters: Vec<Emitter>,
+}
+
+impl Compiler {
+    fn shape(&mut self, d: &ShapeDescription, key: &Key, assets: &dyn Assets) -> Result<()> {
+        for part in shape::parts(d, key, assets)? {
+            let material = match (d, part.organ) {
+                (ShapeDescription::Rose(rose), Some(kind)) => self.organ_material(&rose.materials, kind, key)?,
+                _ => {
+                    let name = d.surface().map_or("", |(material, _)| material);
+                    self.material(name, &key.at("material"))?
+                }
+            };
+            let emitter = match d.surface() {
+                Some((_, Some(emission))) => {
+                    self.emitters.push(light::of_shape(emission, &part.mesh, &key.at("emission"), assets)?);
+                    Some(self.emitters.len() as u32 - 1)
+                }
+                _ => None,
+            };
+            let organs = self.shapes.iter().map(|s| s.organ_id).max().unwrap_or(0);
+            let petals = self.shapes.iter().map(|s| s.petal_id).max().unwrap_or(0);
+            self.shapes.push(Shape {
+                key: key.to_string(),
+                mesh: part.mesh,
+                material,
+                organ: part.organ,
+                organ_id: if part.organ.is_some() { organs + 1 } else { 0 },
+                petal_id: if part.organ == Some(OrganKind::Petal) { petals + 1 } else { 0 },
+                emitter,
+                uv_scale_mm: part.uv_scale_mm,
+            });
+        }
+        Ok(())
+    }
+
+    fn light(&mut self, d: &description::LightDescription, key: &Key, assets: &dyn Assets) -> Result<()> {
+        let compiled = light::compile(d, key, assets)?;
+        if let Some(mesh) = compiled.mesh {
+            self.materials.push(Material::black()?);
+            self.shapes.push(Shape {
+                key: key.to_string(),
+                mesh,
+                material: self.materials.len() as u32 - 1,
+                organ: None,
+                organ_id: 0,
+                petal_id: 0,
+                emitter: Some(self.emitters.len() as u32),
+                uv_scale_mm: glam::Vec2::ZERO,
+            });
+        }
+        self.emitters.push(compiled.emitter);
+        Ok(())
+    }
+
+    fn organ_material(&self, names: &RoseMaterials, kind: OrganKind, key: &Key) -> Result<u32> {
+        let (name, organ) = match kind {
+            OrganKind::Petal => (&names.petal, "petal"),
+            OrganKind::Sepal => (&names.sepal, "sepal"),
+            OrganKind::Receptacle => (&names.receptacle, "receptacle"),
+            OrganKind::Stem => (&names.stem, "stem"),
+            OrganKind::Leaf => (&names.leaf, "leaf"),
+        };
+        self.material(name, &key.at("materials").at(organ))
+    }
+
+    fn material(&self, name: &str, key: &Key) -> Result<u32> {
+        self.ids.get(name).copied().ok_or_else(|| {
+            let known: Vec<&str> = self.ids.keys().map(String::as_str).collect();
+            key.invalid(match nearest(name, known.iter().copied()) {
+                Some(n) => format!("no material is called `{name}`; did you mean `{n}`?"),
+                None if known.is_empty() => {
+                    format!("no material is called `{name}`; add a [materials.{name}] table")
+                }
+                None => format!("no material is called `{name}`; there are {}", known.join(", ")),
+            })
+        })
+    }
+}
+
+fn check_film(film: &FilmDescription) -> Result<()> {
+    let key = Key::new("film");
+    key.at("width").within(film.width, 1..=32768, "within 1 to 32768 pixels")?;
+    key.at("height").within(film.height, 1..=32768, "within 1 to 32768 pixels")?;
+    if let Some(radius) = film.filter_radius_px {
+        key.at("filter_radius_px").within(radius, 0.1..=16.0, "within 0.1 to 16 pixels")?;
+    }
+    key.at("exposure_ev").within(film.exposure_ev, -50.0..=50.0, "within -50 to 50 stops")?;
+    Ok(())
+}
+
+fn check_render(render: &RenderDescription) -> Result<()> {
+    let key = Key::new("render");
+    key.at("spp").within(render.spp, 1.., "at least 1")?;
+    key.at("max_depth").within(render.max_depth, 1..=100_000, "within 1 to 100000")?;
+    Ok(())
+}
+
+fn check_petal(petal: &PetalDescription) -> Result<()> {
+    let key = Key::new("petal");
+    key.at("samples").within(petal.samples, 1..=1_000_000, "within 1 to 1000000")?;
+    Ok(())
+}
+
+fn camera(d: &CameraDescription, film_px: [u32; 2]) -> Result<Camera> {
+    let key = Key::new("camera");
+    let eye = key.at("position_mm").vector(d.position_mm)?;
+    let target = key.at("target_mm").vector(d.target_mm)?;
+    let forward = (target - eye)
+        .try_normalize()
+        .ok_or_else(|| key.at("target_mm").invalid("the camera stands on its target, so it looks nowhere"))?;
+    let up = key.at("up").direction(d.up)?;
+    if forward.cross(up).length() < 1e-6 {
+        return Err(key.at("up").invalid("the camera looks along `up`; choose another direction as up"));
+    }
+    let fov = key.at("fov_deg").within(d.fov_deg, 0.01..=179.0, "within 0.01 to 179 degrees")?.to_radians();
+    let lens_radius = match (d.r#type, d.aperture_radius_mm, d.f_number) {
+        (CameraType::Pinhole, None, None) => 0.0,
+        (CameraType::Pinhole, radius, _) => {
+            let name = if radius.is_some() { "aperture_radius_mm" } else { "f_number" };
+            return Err(key.at(name).invalid("a pinhole has no aperture; set camera.type = \"thin_lens\""));
+        }
+        (CameraType::ThinLens, Some(radius), None) => key.at("aperture_radius_mm").not_negative(radius)?,
+        (CameraType::ThinLens, None, Some(number)) => {
+            let sensor = key.at("sensor_height_mm").positive(d.sensor_height_mm)?;
+            let focal_length = sensor / 2.0 / (fov / 2.0).tan();
+            focal_length / (2.0 * key.at("f_number").positive(number)?)
+        }
+        (CameraType::ThinLens, ..) => {
+            return Err(key.at("type").invalid("a thin lens needs either `f_number` or `aperture_radius_mm`"));
+        }
+    };
+    let focus = match (d.focus_mm, d.focus_point_mm) {
+        (None, None) => (target - eye).length(),
+        (Some(distance), None) => key.at("focus_mm").positive(distance)?,
+        (None, Some(p)) => {
+            let key = key.at("focus_point_mm");
+            let depth = (key.vector(p)? - eye).dot(forward);
+            key.within(depth, 1e-9.., "in front of the camera")
+                .map_err(|_| key.invalid("the point lies behind the camera"))?
+        }
+        (Some(_), Some(_)) => {
+            return Err(key.at("focus_mm").invalid("give `focus_mm` or `focus_point_mm`, not both"));
+        }
+    };
+    Ok(Camera::new(&CameraSettings {
+        eye: eye.as_vec3(),
+        forward: forward.as_vec3().normalize(),
+        up: up.as_vec3(),
+        fov: fov as f32,
+        film_px,
+        lens_radius_mm: lens_radius as f32,
+        focus_mm: focus as f32,
+    }))
+}
+
+fn bounds<'a>(shapes: impl Iterator<Item = &'a Shape>) -> (Vec3, Vec3) {
+    shapes.map(|s| s.mesh.bounds()).fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), (l, h)| {
+        (low.min(l), high.max(h))
+    })
+}
+
+/// Hash of the description's canonical text: keys in order, defaults written out.
+fn hash_of(description: &SceneDescription) -> Result<Fnv128> {
+    let mut named = description.clone();
+    named.schema = None;
+    named.render.spp = 0;
+    named.render.seed = 0;
+    let text = serde_json::to_string(&named).map_err(|e| Error::invalid("scene", e.to_string()))?;
+    let mut hash = Fnv128::new();
+    hash.write(text.as_bytes());
+    Ok(hash)
+}

@@ -1,0 +1,119 @@
+//! What a scene file says: one plain struct per table, with every key's unit and default.
+//!
+//! Tables of named things (`[materials.NAME]`, `[lights.NAME]`, `[shapes.NAME]`) are ordered by name, so the
+//! same file always compiles to the same scene and `lights.key.radiance` addresses one number.
+//! Lengths are millimetres, angles degrees, +z is up. Whether the values make sense is checked by
+//! [`compile`](super::compile::compile).
+
+mod camera;
+mod color;
+mod film;
+mod light;
+mod material;
+mod shape;
+
+use std::collections::BTreeMap;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+pub use camera::{CameraDescription, CameraType};
+pub use color::{SpectrumDescription, SpectrumTable};
+pub use film::{FilmDescription, FilterName, ToneMapName};
+pub use light::{
+    AreaLight, AreaShape, ConstantLight, DistantLight, EmissionDescription, ImageLight, LightDescription,
+    PointLight,
+};
+pub use material::{
+    DiffuseMaterial, LambertMaterial, LiteralPhongMaterial, MaterialDescription, PetalMaterial, PhongMaterial,
+};
+pub use shape::{
+    DiscShape, MeshShape, Placement, QuadShape, RoseMaterials, RoseShape, ShapeDescription, SphereShape,
+};
+
+/// A whole scene.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct SceneDescription {
+    /// For editors: the address of this schema. The renderer ignores it.
+    #[serde(rename = "$schema", skip_serializing_if = "Option::is_none")]
+    pub schema: Option<String>,
+    /// The picture.
+    pub film: FilmDescription,
+    /// Where it is taken from.
+    pub camera: CameraDescription,
+    /// How it is computed.
+    pub render: RenderDescription,
+    /// The cells of every `petal` material.
+    pub petal: PetalDescription,
+    /// Named materials.
+    pub materials: BTreeMap<String, MaterialDescription>,
+    /// Named lights.
+    pub lights: BTreeMap<String, LightDescription>,
+    /// Named shapes.
+    pub shapes: BTreeMap<String, ShapeDescription>,
+}
+
+/// How light is transported.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum IntegratorName {
+    /// Unbiased path tracing with all interreflection and transmission.
+    #[default]
+    Path,
+    /// The thesis' ray tracing: direct light, and shadows that petals attenuate; no interreflection.
+    Raytrace,
+}
+
+/// `[render]`: how the picture is computed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct RenderDescription {
+    /// Integrator. Default `path`.
+    pub integrator: IntegratorName,
+    /// Samples per pixel, at least 1. Default 64.
+    pub spp: u32,
+    /// Seed of every random choice of the light paths. Default 0.
+    pub seed: u64,
+    /// Most scattering events of a path; 1 is direct light only. Default 32.
+    pub max_depth: u32,
+    /// Scattering events before Russian roulette may end a path. Default 4.
+    pub min_depth: u32,
+}
+
+impl Default for RenderDescription {
+    fn default() -> Self {
+        Self { integrator: IntegratorName::Path, spp: 64, seed: 0, max_depth: 32, min_depth: 4 }
+    }
+}
+
+/// `[petal]`: the thesis' petal, whose light comes from points of its cells.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct PetalDescription {
+    /// Random points of the cells within the footprint that shade one hit: few look dull and broken, many
+    /// shiny and smooth. At least 1. Default 8.
+    pub samples: u32,
+    /// Cell lattice and domes.
+    pub cells: CellDescription,
+    /// Coefficients of the light that leaves each layer.
+    pub shading: ShadingDescription,
+}
+
+/// Placeholder until `micro` has its own.
+pub type CellDescription = BTreeMap<String, f64>;
+/// Placeholder until `micro` has its own.
+pub type ShadingDescription = BTreeMap<String, f64>;
+
+impl Default for PetalDescription {
+    fn default() -> Self {
+        Self { samples: 8, cells: CellDescription::default(), shading: ShadingDescription::default() }
+    }
+}
+
+/// JSON schema of the scene file.
+pub fn schema() -> serde_json::Value {
+    let mut schema = schemars::schema_for!(SceneDescription);
+    schema.insert("title".to_owned(), "Rosarium scene".into());
+    schema.to_value()
+}

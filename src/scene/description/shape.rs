@@ -1,0 +1,206 @@
+//! `[shapes.NAME]`.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::EmissionDescription;
+
+/// `[shapes.NAME]`: something that light meets, by `type`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "type", rename_all = "snake_case")]
+pub enum ShapeDescription {
+    /// A rose, grown from its description.
+    Rose(Box<RoseShape>),
+    /// Triangles from a file.
+    Mesh(MeshShape),
+    /// A rectangle.
+    Quad(QuadShape),
+    /// A disc.
+    Disc(DiscShape),
+    /// A sphere.
+    Sphere(SphereShape),
+}
+
+/// Where a shape stands: scaled about its own origin, then turned, then moved.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Placement {
+    /// Translation, mm.
+    pub position_mm: [f64; 3],
+    /// Turns about +x, then +y, then +z, degrees.
+    pub rotation_deg: [f64; 3],
+    /// Factor on all lengths.
+    pub scale: f64,
+}
+
+/// Materials of a rose's organs, by name.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct RoseMaterials {
+    /// Petals. Default `petal`.
+    pub petal: String,
+    /// Sepals. Default `sepal`.
+    pub sepal: String,
+    /// Receptacle. Default `stem`.
+    pub receptacle: String,
+    /// Stem. Default `stem`.
+    pub stem: String,
+    /// Leaves. Default `leaf`.
+    pub leaf: String,
+}
+
+/// `type = "rose"`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct RoseShape {
+    /// How it grows.
+    pub rose: RoseDescription,
+    /// What its organs are made of.
+    pub materials: RoseMaterials,
+    /// Place of the middle of the receptacle's base, mm. Default the origin.
+    pub position_mm: [f64; 3],
+    /// Turns about +x, then +y, then +z, degrees. Default none.
+    pub rotation_deg: [f64; 3],
+    /// Factor on all lengths. Default 1.
+    pub scale: f64,
+}
+
+/// Placeholder until `flower` has its own.
+pub type RoseDescription = std::collections::BTreeMap<String, f64>;
+
+/// `type = "mesh"`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MeshShape {
+    /// Mesh file (.ply, .obj, .glb), relative to the scene file; its unit is taken as mm.
+    pub file: String,
+    /// Material by name.
+    pub material: String,
+    /// Place of the file's origin, mm. Default the origin.
+    #[serde(default)]
+    pub position_mm: [f64; 3],
+    /// Turns about +x, then +y, then +z, degrees. Default none.
+    #[serde(default)]
+    pub rotation_deg: [f64; 3],
+    /// Factor on all lengths. Default 1.
+    #[serde(default = "one")]
+    pub scale: f64,
+    /// Makes the surface a light. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub emission: Option<EmissionDescription>,
+}
+
+/// `type = "quad"`: a rectangle in the xy plane around its origin, normal +z.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct QuadShape {
+    /// Size along its x, mm.
+    pub width_mm: f64,
+    /// Size along its y, mm.
+    pub height_mm: f64,
+    /// Material by name.
+    pub material: String,
+    /// Place of the middle, mm. Default the origin.
+    #[serde(default)]
+    pub position_mm: [f64; 3],
+    /// Turns about +x, then +y, then +z, degrees. Default none.
+    #[serde(default)]
+    pub rotation_deg: [f64; 3],
+    /// Makes the surface a light. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub emission: Option<EmissionDescription>,
+}
+
+/// `type = "disc"`: a disc in the xy plane around its origin, normal +z.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DiscShape {
+    /// Radius, mm.
+    pub radius_mm: f64,
+    /// Material by name.
+    pub material: String,
+    /// Place of the middle, mm. Default the origin.
+    #[serde(default)]
+    pub position_mm: [f64; 3],
+    /// Turns about +x, then +y, then +z, degrees. Default none.
+    #[serde(default)]
+    pub rotation_deg: [f64; 3],
+    /// Makes the surface a light. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub emission: Option<EmissionDescription>,
+}
+
+/// `type = "sphere"`: triangles of a subdivided icosahedron with smooth normals that point outwards.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SphereShape {
+    /// Radius, mm.
+    pub radius_mm: f64,
+    /// Subdivisions of the icosahedron, 0 to 7: 20 * 4^n faces. Default 4.
+    #[serde(default = "four")]
+    pub subdivisions: u32,
+    /// Material by name.
+    pub material: String,
+    /// Place of the middle, mm. Default the origin.
+    #[serde(default)]
+    pub position_mm: [f64; 3],
+    /// Makes the surface a light. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub emission: Option<EmissionDescription>,
+}
+
+impl Default for RoseMaterials {
+    fn default() -> Self {
+        Self {
+            petal: "petal".to_owned(),
+            sepal: "sepal".to_owned(),
+            receptacle: "stem".to_owned(),
+            stem: "stem".to_owned(),
+            leaf: "leaf".to_owned(),
+        }
+    }
+}
+
+impl Default for RoseShape {
+    fn default() -> Self {
+        Self {
+            rose: RoseDescription::default(),
+            materials: RoseMaterials::default(),
+            position_mm: [0.0; 3],
+            rotation_deg: [0.0; 3],
+            scale: 1.0,
+        }
+    }
+}
+
+impl ShapeDescription {
+    /// Where it stands.
+    pub fn placement(&self) -> Placement {
+        let (position_mm, rotation_deg, scale) = match self {
+            Self::Rose(s) => (s.position_mm, s.rotation_deg, s.scale),
+            Self::Mesh(s) => (s.position_mm, s.rotation_deg, s.scale),
+            Self::Quad(s) => (s.position_mm, s.rotation_deg, 1.0),
+            Self::Disc(s) => (s.position_mm, s.rotation_deg, 1.0),
+            Self::Sphere(s) => (s.position_mm, [0.0; 3], 1.0),
+        };
+        Placement { position_mm, rotation_deg, scale }
+    }
+
+    /// Material and emission of a shape made of one surface; `None` for a rose.
+    pub fn surface(&self) -> Option<(&str, Option<&EmissionDescription>)> {
+        match self {
+            Self::Rose(_) => None,
+            Self::Mesh(s) => Some((&s.material, s.emission.as_ref())),
+            Self::Quad(s) => Some((&s.material, s.emission.as_ref())),
+            Self::Disc(s) => Some((&s.material, s.emission.as_ref())),
+            Self::Sphere(s) => Some((&s.material, s.emission.as_ref())),
+        }
+    }
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+fn four() -> u32 {
+    4
+}

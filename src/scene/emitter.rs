@@ -1,0 +1,324 @@
+//! Lights: what they send, and choosing a direction towards one of them.
+//!
+//! Model: one light is picked with a fixed probability, then a direction (or a point) on it:
+//! `pdf = p_pick * p_light(wi)`, per solid angle seen from the lit point. Lights at infinity overlap each
+//! other, so their radiances and densities are summed: whichever of them was picked, the sample carries
+//! all of their light in that direction and the density with which any of them would have chosen it.
+//!
+//! | light    | sampled                          | density                       | contribution      |
+//! |----------|----------------------------------|-------------------------------|-------------------|
+//! | constant | uniform sphere                   | 1 / 4 pi                      | L                 |
+//! | image    | pixel by its light               | see [`Environment`]           | L(w)              |
+//! | distant  | uniform cone of half angle a > 0 | 1 / (2 pi (1 - cos a))        | E / (pi sin^2 a)  |
+//! | distant  | one direction, a = 0             | delta                         | E                 |
+//! | point    | one direction                    | delta                         | I / d^2           |
+//! | area     | uniform on its triangles         | d^2 / (A cos)                 | L                 |
+//!
+//! Picking: in proportion to the irradiance that a light would give in the middle of what does not glow,
+//! unoccluded, with a tenth spread evenly, so that no light is forgotten. Guarded by
+//! `directions_follow_the_density`, `constant_light_gives_pi_l`, `distant_irradiance_is_its_key`,
+//! `disc_light_has_its_form_factor`, `mixture_is_unbiased`.
+
+use std::f32::consts::PI;
+
+use glam::{Vec2, Vec3};
+
+use super::environment::{Environment, search};
+use crate::geometry::Mesh;
+use crate::math::{Frame, warp};
+use crate::spectrum::upsample::EmissionBasis;
+use crate::spectrum::{SampledSpectrum, SampledWavelengths, Spectrum};
+
+/// One light.
+#[derive(Clone, Debug)]
+pub enum Emitter {
+    /// The same radiance from every direction.
+    Constant {
+        /// Radiance.
+        radiance: Spectrum,
+    },
+    /// An image of the surroundings.
+    Image {
+        /// The image.
+        image: Box<Environment>,
+        /// Factor on its values.
+        scale: f32,
+    },
+    /// A cone of light, or parallel light.
+    Distant {
+        /// `frame.n` points to the light.
+        frame: Frame,
+        /// 1 - cos of the cone's half angle; 0 is parallel light.
+        one_minus_cos: f32,
+        /// Radiance, or irradiance where the light is parallel.
+        value: Spectrum,
+    },
+    /// A light without size.
+    Point {
+        /// Place, mm.
+        position: Vec3,
+        /// Radiant intensity, radiance times mm^2.
+        intensity: Spectrum,
+    },
+    /// A glowing surface.
+    Area(AreaEmitter),
+}
+
+/// A glowing surface.
+#[derive(Clone, Debug)]
+pub struct AreaEmitter {
+    triangles: Vec<[Vec3; 3]>,
+    cumulative: Vec<f32>,
+    area_mm2: f32,
+    two_sided: bool,
+    radiance: Spectrum,
+}
+
+impl AreaEmitter {
+    /// All of a mesh. It glows on the side of the counter-clockwise faces, or on both.
+    pub fn new(mesh: &Mesh, radiance: Spectrum, two_sided: bool) -> Self {
+        let areas = (0..mesh.triangles.len()).map(|f| f64::from(mesh.face_area(f)));
+        let total: f64 = areas.clone().sum();
+        let mut sum = 0.0;
+        let mut cumulative = vec![0.0];
+        cumulative.extend(areas.map(|a| {
+            sum += a;
+            (sum / total) as f32
+        }));
+        if let Some(last) = cumulative.last_mut() {
+            *last = 1.0;
+        }
+        let triangles = (0..mesh.triangles.len()).map(|f| mesh.corners(f)).collect();
+        Self { triangles, cumulative, area_mm2: total as f32, two_sided, radiance }
+    }
+
+    /// Uniform point with its geometric normal.
+    fn sample(&self, u: Vec2) -> (Vec3, Vec3) {
+        let (face, x) = search(&self.cumulative, u.x);
+        let [a, b, c] = self.triangles[face];
+        let w = warp::square_to_triangle(Vec2::new(x, u.y));
+        (a * w.x + b * w.y + c * w.z, (b - a).cross(c - a).normalize_or_zero())
+    }
+
+    /// Density, per solid angle seen from `from`, of the point `on` with normal `ng`.
+    fn pdf(&self, from: Vec3, on: Vec3, ng: Vec3) -> f32 {
+        let d = on - from;
+        let cos = (d.dot(ng) / d.length()).abs();
+        if cos > 0.0 { d.length_squared() / (cos * self.area_mm2) } else { 0.0 }
+    }
+
+    /// Does the surface with normal `ng` glow towards `wo`?
+    fn glows(&self, ng: Vec3, wo: Vec3) -> bool {
+        self.two_sided || ng.dot(wo) > 0.0
+    }
+}
+
+/// A direction towards a light.
+#[derive(Clone, Copy, Debug)]
+pub struct LightSample {
+    /// Unit direction to the light.
+    pub wi: Vec3,
+    /// Distance to the light, mm; infinite for lights at infinity. A shadow ray ends just before it.
+    pub distance_mm: f32,
+    /// Radiance that arrives; for a delta light the irradiance on a surface that faces it. Either way the
+    /// contribution is `f |cos| radiance / pdf_per_sr`.
+    pub radiance: SampledSpectrum,
+    /// Density, 1/sr; for a delta light the probability of picking it.
+    pub pdf_per_sr: f32,
+    /// True where no other way of sampling can find this direction.
+    pub delta: bool,
+}
+
+/// All lights of a scene.
+#[derive(Clone, Debug)]
+pub struct Lights {
+    emitters: Vec<Emitter>,
+    cumulative: Vec<f32>,
+    basis: EmissionBasis,
+}
+
+impl Lights {
+    /// The lights; `middle` and `radius` bound what they should light.
+    pub fn new(emitters: Vec<Emitter>, middle: Vec3, radius: f32) -> Self {
+        let estimates: Vec<f64> =
+            emitters.iter().map(|e| f64::from(e.irradiance_estimate(middle, radius))).collect();
+        let total: f64 = estimates.iter().sum();
+        let n = estimates.len() as f64;
+        let mut sum = 0.0;
+        let mut cumulative = vec![0.0];
+        cumulative.extend(estimates.iter().map(|e| {
+            sum += if total > 0.0 { 0.9 * e / total + 0.1 / n } else { 1.0 / n };
+            sum as f32
+        }));
+        if let Some(last) = cumulative.last_mut() {
+            *last = 1.0;
+        }
+        Self { emitters, cumulative, basis: EmissionBasis::new() }
+    }
+
+    /// The lights, in order of their ids.
+    pub fn emitters(&self) -> &[Emitter] {
+        &self.emitters
+    }
+
+    /// Probability of picking light `i`.
+    pub fn pick_probability(&self, i: usize) -> f32 {
+        self.cumulative[i + 1] - self.cumulative[i]
+    }
+
+    /// Draws a direction from `p` towards a light. `None` where the chosen light sends nothing to `p`.
+    pub fn sample(
+        &self,
+        p: Vec3,
+        u_pick: f32,
+        u: Vec2,
+        lambda: &SampledWavelengths,
+    ) -> Option<LightSample> {
+        if self.emitters.is_empty() {
+            return None;
+        }
+        let (i, _) = search(&self.cumulative, u_pick);
+        let pick = self.pick_probability(i);
+        let far = |wi: Vec3| LightSample {
+            wi,
+            distance_mm: f32::INFINITY,
+            radiance: self.environment(wi, lambda),
+            pdf_per_sr: self.pdf_environment(wi),
+            delta: false,
+        };
+        let sample = match &self.emitters[i] {
+            Emitter::Constant { .. } => far(warp::square_to_sphere(u)),
+            Emitter::Image { image, .. } => far(image.sample(u)?.0),
+            Emitter::Distant { frame, one_minus_cos, value } if *one_minus_cos == 0.0 => LightSample {
+                wi: frame.n,
+                distance_mm: f32::INFINITY,
+                radiance: value.sample(lambda),
+                pdf_per_sr: pick,
+                delta: true,
+            },
+            Emitter::Distant { frame, one_minus_cos, .. } => {
+                far(frame.to_world(warp::square_to_cone(u, *one_minus_cos)))
+            }
+            Emitter::Point { position, intensity } => {
+                let d = *position - p;
+                let distance_mm = d.length();
+                LightSample {
+                    wi: d / distance_mm,
+                    distance_mm,
+                    radiance: intensity.sample(lambda) / d.length_squared(),
+                    pdf_per_sr: pick,
+                    delta: true,
+                }
+            }
+            Emitter::Area(area) => {
+                let (on, ng) = area.sample(u);
+                let d = on - p;
+                let distance_mm = d.length();
+                let wi = d / distance_mm;
+                if !area.glows(ng, -wi) {
+                    return None;
+                }
+                LightSample {
+                    wi,
+                    distance_mm,
+                    radiance: area.radiance.sample(lambda),
+                    pdf_per_sr: pick * area.pdf(p, on, ng),
+                    delta: false,
+                }
+            }
+        };
+        (sample.pdf_per_sr > 0.0 && sample.pdf_per_sr.is_finite() && !sample.radiance.is_zero())
+            .then_some(sample)
+    }
+
+    /// Radiance from beyond everything, in the unit direction `w` away from the scene.
+    pub fn environment(&self, w: Vec3, lambda: &SampledWavelengths) -> SampledSpectrum {
+        let mut sum = SampledSpectrum::ZERO;
+        for e in &self.emitters {
+            match e {
+                Emitter::Constant { radiance } => sum += radiance.sample(lambda),
+                Emitter::Image { image, scale } => {
+                    sum += self.basis.sample((image.rgb(w) * *scale).to_array(), lambda);
+                }
+                Emitter::Distant { frame, one_minus_cos, value } if in_cone(frame, *one_minus_cos, w) => {
+                    sum += value.sample(lambda);
+                }
+                _ => {}
+            }
+        }
+        sum
+    }
+
+    /// Density with which [`Lights::sample`] draws the direction `w` to the lights at infinity, 1/sr.
+    pub fn pdf_environment(&self, w: Vec3) -> f32 {
+        let mut sum = 0.0;
+        for (i, e) in self.emitters.iter().enumerate() {
+            sum += self.pick_probability(i)
+                * match e {
+                    Emitter::Constant { .. } => warp::SPHERE_PDF,
+                    Emitter::Image { image, .. } => image.pdf(w),
+                    Emitter::Distant { frame, one_minus_cos, .. } if in_cone(frame, *one_minus_cos, w) => {
+                        warp::cone_pdf(*one_minus_cos)
+                    }
+                    _ => 0.0,
+                };
+        }
+        sum
+    }
+
+    /// Radiance of the glowing surface `emitter` towards `wo`, where its geometric normal is `ng`.
+    pub fn emitted(
+        &self,
+        emitter: u32,
+        ng: Vec3,
+        wo: Vec3,
+        lambda: &SampledWavelengths,
+    ) -> SampledSpectrum {
+        match self.emitters.get(emitter as usize) {
+            Some(Emitter::Area(area)) if area.glows(ng, wo) => area.radiance.sample(lambda),
+            _ => SampledSpectrum::ZERO,
+        }
+    }
+
+    /// Density with which [`Lights::sample`] at `from` draws the direction to the point `on` of the glowing
+    /// surface `emitter` with geometric normal `ng`, 1/sr.
+    pub fn pdf_area(&self, emitter: u32, from: Vec3, on: Vec3, ng: Vec3) -> f32 {
+        match self.emitters.get(emitter as usize) {
+            Some(Emitter::Area(area)) if area.glows(ng, from - on) => {
+                self.pick_probability(emitter as usize) * area.pdf(from, on, ng)
+            }
+            _ => 0.0,
+        }
+    }
+}
+
+/// Is `w` within the cone around `frame.n`? By the chord, whose square is 2 (1 - cos): it keeps its digits in
+/// the sun's narrow cone.
+fn in_cone(frame: &Frame, one_minus_cos: f32, w: Vec3) -> bool {
+    one_minus_cos > 0.0 && (w - frame.n).length_squared() <= 2.0 * one_minus_cos
+}
+
+impl Emitter {
+    /// Irradiance around `middle`, unoccluded, within a factor: only for picking.
+    fn irradiance_estimate(&self, middle: Vec3, radius: f32) -> f32 {
+        match self {
+            Emitter::Constant { radiance } => PI * radiance.mean(),
+            Emitter::Image { image, scale } => PI * image.mean_luminance() * scale,
+            Emitter::Distant { one_minus_cos, value, .. } => {
+                let projected = PI * one_minus_cos * (2.0 - one_minus_cos);
+                value.mean() * if *one_minus_cos > 0.0 { projected } else { 1.0 }
+            }
+            Emitter::Point { position, intensity } => {
+                intensity.mean() / position.distance_squared(middle).max(radius * radius).max(1e-12)
+            }
+            Emitter::Area(area) => {
+                let n = area.triangles.len().max(1) as f32;
+                let centre =
+                    area.triangles.iter().map(|t| (t[0] + t[1] + t[2]) / 3.0).sum::<Vec3>() / n;
+                let d2 = centre.distance_squared(middle).max(radius * radius).max(1e-12);
+                // A large near light cannot give more than a hemisphere.
+                area.radiance.mean() * (area.area_mm2 / d2).min(PI)
+            }
+        }
+    }
+}
