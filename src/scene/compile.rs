@@ -195,7 +195,7 @@ fn check_render(render: &RenderDescription) -> Result<()> {
 fn check_petal(petal: &PetalDescription) -> Result<()> {
     let key = Key::new("petal");
     key.at("samples").within(petal.samples, 1..=1_000_000, "within 1 to 1000000")?;
-    Ok(())
+    petal.cells.validate("petal.cells")
 }
 
 fn camera(d: &CameraDescription, film_px: [u32; 2]) -> Result<Camera> {

@@ -225,16 +225,17 @@ mod tests {
     #[test]
     fn density_integrates_to_one() {
         let env = image();
-        let n = 1000;
+        // Two samples per column; many per row, whose edges fall between the samples.
+        let (rows, columns) = (16384, 64);
         let mut sum = 0.0;
-        for i in 0..n {
-            for j in 0..n {
-                let u = Vec2::new((i as f32 + 0.5) / n as f32, (j as f32 + 0.5) / n as f32);
+        for i in 0..rows {
+            for j in 0..columns {
+                let u = Vec2::new((i as f32 + 0.5) / rows as f32, (j as f32 + 0.5) / columns as f32);
                 sum += f64::from(env.pdf(warp::square_to_sphere(u)) / warp::SPHERE_PDF);
             }
         }
-        let mean = sum / f64::from(n * n);
-        assert!((mean - 1.0).abs() < 2e-3, "{mean}");
+        let mean = sum / f64::from(rows * columns);
+        assert!((mean - 1.0).abs() < 1e-3, "{mean}");
     }
 
     #[test]

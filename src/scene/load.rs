@@ -113,35 +113,38 @@ fn merge<'a>(root: &mut DeTable<'a>, o: &'a Override) -> Result<(), String> {
 /// beginning; when it alone gives the message, it is the guilty one. A missing key belongs to its table.
 fn culprit<T: DeserializeOwned>(root: &DeTable<'_>, message: &str) -> Vec<String> {
     let missing = message.starts_with("missing field");
-    let gives = |path: &[String], keep: &dyn Fn(&str) -> bool| {
-        let mut cut = root.clone();
-        if let Some(t) = table_at(&mut cut, path) {
-            t.retain(|k, _| keep(k.get_ref()));
-        }
-        read::<T>(cut).is_err_and(|m| m == message)
-    };
+    let gives = |root: &DeTable<'_>| read::<T>(root.clone()).is_err_and(|m| m == message);
+    // What comes after the guilty entry is cut away: it may hold the same mistake again.
+    let mut root = root.clone();
     let mut path: Vec<String> = Vec::new();
     loop {
-        let mut copy = root.clone();
-        let Some(table) = table_at(&mut copy, &path) else { return path };
-        let keys: Vec<(String, bool)> = table
-            .iter()
-            .filter(|(k, _)| k.get_ref() != "type")
-            .map(|(k, v)| (k.get_ref().to_string(), v.get_ref().is_table()))
-            .collect();
-        if gives(&path, &|k| k == "type") {
-            if !missing && table.contains_key("type") {
+        let keys: Vec<(String, bool)> = match table_at(&mut root, &path) {
+            Some(t) => t.iter().map(|(k, v)| (k.get_ref().to_string(), v.get_ref().is_table())).collect(),
+            None => return path,
+        };
+        let typed = keys.iter().any(|(k, _)| k == "type");
+        let keys: Vec<(String, bool)> = keys.into_iter().filter(|(k, _)| k != "type").collect();
+        let beginning = |n: usize| {
+            let mut cut = root.clone();
+            if let Some(t) = table_at(&mut cut, &path) {
+                let kept = |k: &str| k == "type" || keys[..n].iter().any(|(key, _)| key == k);
+                *t = std::mem::take(t).into_iter().filter(|(k, _)| kept(k.get_ref())).collect();
+            }
+            cut
+        };
+        let Some(n) = (0..=keys.len()).find(|&n| gives(&beginning(n))) else { return path };
+        if n == 0 {
+            if typed && !missing {
                 path.push("type".to_owned());
             }
             return path;
         }
-        let guilty = (0..keys.len()).find(|&i| {
-            gives(&path, &|k| k == "type" || keys[..=i].iter().any(|(kept, _)| kept == k))
-        });
-        match guilty {
-            Some(i) if !missing || keys[i].1 => path.push(keys[i].0.clone()),
-            _ => return path,
+        let (key, is_table) = &keys[n - 1];
+        if missing && !is_table {
+            return path;
         }
+        root = beginning(n);
+        path.push(key.clone());
     }
 }
 
@@ -193,3 +196,156 @@ fn sentence(message: &str) -> &str {
     message.lines().next().unwrap_or(message)
 }
 
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::error::SourceError;
+    use crate::scene::SceneDescription;
+
+    fn fails(text: &str, overrides: &[&str]) -> SourceError {
+        let overrides: Vec<Override> = overrides.iter().map(|o| Override::parse(o).unwrap()).collect();
+        match load::<SceneDescription>(text, "a.toml", &overrides) {
+            Err(Error::Source(e)) => *e,
+            other => panic!("expected an error with a place, got {other:?}"),
+        }
+    }
+
+    fn text_of(e: &SourceError) -> &str {
+        &e.text[e.span.clone()]
+    }
+
+    #[test]
+    fn shipped_scenes_load() {
+        for (name, text) in [
+            ("rose.toml", crate::scene::DEFAULT_SCENE),
+            ("thesis.toml", include_str!("../../scenes/thesis.toml")),
+        ] {
+            load::<SceneDescription>(text, name, &[]).unwrap();
+        }
+    }
+
+    #[test]
+    fn empty_file() {
+        assert_eq!(fails(" \n", &[]).to_string(), "a.toml:1: the file is empty");
+    }
+
+    #[test]
+    fn syntax() {
+        let e = fails("[film]\nwidth = 64 0\n", &[]);
+        assert_eq!(e.line, Some(2), "{e}");
+        let e = fails("[film]\nwidth = 1\n\n[film]\nheight = 2\n", &[]);
+        assert_eq!((e.line, text_of(&e)), (Some(4), "film"), "{e}");
+        assert_eq!(fails("[film]\nwidth =", &[]).line, Some(2));
+    }
+
+    #[test]
+    fn unknown_keys() {
+        let e = fails("[film]\nwidth = 1\nheigth = 2\n", &[]);
+        assert_eq!((e.line, e.key.as_str(), text_of(&e)), (Some(3), "film.heigth", "heigth"));
+        assert!(e.to_string().starts_with("a.toml:3: film.heigth: unknown key `heigth`"), "{e}");
+        assert!(e.what.ends_with("did you mean `height`?"), "{e}");
+        let e = fails("[fim]\nwidth = 1\n", &[]);
+        assert_eq!((e.line, e.key.as_str()), (Some(1), "fim"), "{e}");
+    }
+
+    #[test]
+    fn inside_tables_with_a_type() {
+        let head = "[lights.key]\ntype = \"area\"\nposition_mm = [0, 0, 9]\n";
+        let e = fails(&format!("{head}radianc = 3\n"), &[]);
+        assert_eq!((e.line, e.key.as_str(), text_of(&e)), (Some(4), "lights.key.radianc", "radianc"), "{e}");
+        let e = fails(&format!("{head}radiance = \"bright\"\n"), &[]);
+        assert_eq!((e.line, e.key.as_str(), text_of(&e)), (Some(4), "lights.key.radiance", "\"bright\""), "{e}");
+        assert!(e.what.contains("expected a number"), "{e}");
+        let e = fails("[lights.key]\ntype = \"are\"\nposition_mm = [0, 0, 9]\n", &[]);
+        assert_eq!((e.line, e.key.as_str()), (Some(2), "lights.key.type"), "{e}");
+        assert!(e.what.ends_with("did you mean `area`?"), "{e}");
+        let e = fails("[film]\nwidth = 3\n[lights.key]\ntype = \"area\"\nradiance = 3\n", &[]);
+        assert_eq!((e.line, e.key.as_str()), (Some(3), "lights.key"), "{e}");
+        assert!(e.what.contains("missing key `position_mm`"), "{e}");
+        let e = fails("[lights.key]\nradiance = 3\n", &[]);
+        assert_eq!((e.line, e.key.as_str()), (Some(1), "lights.key"), "{e}");
+        assert!(e.what.contains("missing key `type`"), "{e}");
+    }
+
+    #[test]
+    fn inside_a_roses_keys() {
+        let e = fails("[shapes.r]\ntype = \"rose\"\n[shapes.r.rose.petal]\nlenth_mm = 3\n", &[]);
+        assert_eq!((e.line, e.key.as_str()), (Some(4), "shapes.r.rose.petal.lenth_mm"), "{e}");
+        let e = fails("[shapes.r]\ntype = \"rose\"\npreset = \"tulip\"\n", &[]);
+        assert_eq!((e.line, e.key.as_str()), (Some(3), "shapes.r.preset"), "{e}");
+    }
+
+    #[test]
+    fn the_first_of_two_equal_mistakes() {
+        let e = fails("[film]\nwidth = \"a\"\nheight = \"a\"\n", &[]);
+        // Keys are read in alphabetical order.
+        assert_eq!((e.line, e.key.as_str()), (Some(3), "film.height"), "{e}");
+        let light = |n: &str| format!("[lights.{n}]\ntype = \"constant\"\nradianc = 1\n");
+        let e = fails(&format!("{}{}", light("a"), light("b")), &[]);
+        assert_eq!((e.line, e.key.as_str()), (Some(3), "lights.a.radianc"), "{e}");
+    }
+
+    #[test]
+    fn wrong_types() {
+        for (text, key) in [
+            ("film = 3\n", "film"),
+            ("[film]\nwidth = -1\n", "film.width"),
+            ("[film]\nwidth = 1.5\n", "film.width"),
+            ("[camera]\nposition_mm = [0, 1]\n", "camera.position_mm"),
+            ("[camera]\nposition_mm = [0, 1, \"a\"]\n", "camera.position_mm"),
+            ("[camera]\ntype = \"fisheye\"\n", "camera.type"),
+            ("[lights.a]\ntype = \"constant\"\nspectrum = [1, 2]\n", "lights.a.spectrum"),
+            ("[lights.a]\ntype = \"constant\"\nspectrum = true\n", "lights.a.spectrum"),
+            ("[lights.a]\ntype = \"constant\"\nspectrum = { illuminat = \"A\" }\n", "lights.a.spectrum.illuminat"),
+            ("[petal.cells]\npitch_um = \"x\"\n", "petal.cells.pitch_um"),
+        ] {
+            let e = fails(text, &[]);
+            assert_eq!(e.key, key, "{e}");
+            assert_eq!(e.line, Some(text.trim_end().lines().count()), "{e}");
+        }
+    }
+
+    #[test]
+    fn overrides_pass_the_same_checks() {
+        let text = "[film]\nwidth = 9\n[lights.key]\ntype = \"constant\"\n";
+        let load = |o: &[&str]| {
+            let o: Vec<Override> = o.iter().map(|o| Override::parse(o).unwrap()).collect();
+            load::<SceneDescription>(text, "a.toml", &o).map(|l| l.description)
+        };
+        let d = load(&["film.width=256", "film.tone_map=aces", "render.seed = 7", "lights.key.radiance=3"]).unwrap();
+        assert_eq!((d.film.width, d.render.seed), (256, 7));
+        assert_eq!(d.film.tone_map, crate::scene::description::SceneDescription {
+            film: toml::from_str("tone_map = \"aces\"").unwrap(), ..Default::default() }.film.tone_map);
+        let message = |o: &[&str]| load(o).unwrap_err().to_string();
+        assert!(message(&["film.widht=256"]).starts_with("-D film.widht=256: unknown key `widht`"));
+        assert!(message(&["film.width=big"]).starts_with("-D film.width=big: invalid type: string \"big\""));
+        assert!(message(&["lights.rim.radiance=3"]).starts_with("-D lights.rim.radiance=3: lights.rim: missing key `type`"));
+        assert!(message(&["film.width.x=3"]).contains("`width` is a value, not a table"));
+        assert!(message(&["flim.width=3"]).starts_with("-D flim.width=3: flim: unknown key `flim`"));
+        // The last one wins.
+        assert_eq!(load(&["film.width=1", "film.width=2"]).unwrap().film.width, 2);
+        assert!(Override::parse("film.width").is_err() && Override::parse("=3").is_err());
+        assert!(Override::parse("a..b=3").is_err());
+    }
+
+    #[test]
+    fn a_description_survives_a_round_trip() {
+        let d = load::<SceneDescription>(crate::scene::DEFAULT_SCENE, "a.toml", &[]).unwrap().description;
+        let text = toml::to_string(&d).unwrap();
+        assert_eq!(load::<SceneDescription>(&text, "b.toml", &[]).unwrap().description, d, "{text}");
+    }
+
+    #[test]
+    fn the_schema_knows_every_table() {
+        let schema = crate::scene::schema();
+        for table in ["film", "camera", "render", "petal", "materials", "lights", "shapes"] {
+            assert!(schema["properties"][table].is_object(), "{table}");
+        }
+        assert_eq!(schema["additionalProperties"], false);
+        let text = schema.to_string();
+        for key in ["filter_radius_px", "angular_radius_deg", "reflectance_adaxial", "pitch_um", "divergence_deg"] {
+            assert!(text.contains(key), "{key}");
+        }
+    }
+}

@@ -17,6 +17,8 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::micro::CellDescription;
+
 pub use camera::{CameraDescription, CameraType};
 pub use color::{SpectrumDescription, SpectrumTable};
 pub use film::{FilmDescription, FilterName, ToneMapName};
@@ -100,8 +102,6 @@ pub struct PetalDescription {
     pub shading: ShadingDescription,
 }
 
-/// Placeholder until `micro` has its own.
-pub type CellDescription = BTreeMap<String, f64>;
 /// Placeholder until `micro` has its own.
 pub type ShadingDescription = BTreeMap<String, f64>;
 

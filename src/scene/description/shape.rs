@@ -4,6 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::EmissionDescription;
+use crate::flower::RoseDescription;
 
 /// `[shapes.NAME]`: something that light meets, by `type`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -50,13 +51,15 @@ pub struct RoseMaterials {
 
 /// `type = "rose"`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
+#[serde(try_from = "RoseKeys")]
 pub struct RoseShape {
+    /// Named rose that the keys of `rose` change. Default `hybrid_tea`.
+    pub preset: String,
     /// How it grows.
     pub rose: RoseDescription,
     /// What its organs are made of.
     pub materials: RoseMaterials,
-    /// Place of the middle of the receptacle's base, mm. Default the origin.
+    /// Place of the point where the petals grow, mm. Default the origin.
     pub position_mm: [f64; 3],
     /// Turns about +x, then +y, then +z, degrees. Default none.
     pub rotation_deg: [f64; 3],
@@ -64,8 +67,66 @@ pub struct RoseShape {
     pub scale: f64,
 }
 
-/// Placeholder until `flower` has its own.
-pub type RoseDescription = std::collections::BTreeMap<String, f64>;
+/// A rose as written: the keys that are missing come from the preset.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+#[schemars(rename = "RoseShape")]
+struct RoseKeys {
+    /// Named rose that the keys of `rose` change: `hybrid_tea`, `cupped` or `wild`. Default `hybrid_tea`.
+    preset: String,
+    /// How it grows. Default: the preset's values.
+    #[schemars(with = "RoseDescription")]
+    rose: toml::Table,
+    /// What its organs are made of.
+    materials: RoseMaterials,
+    /// Place of the point where the petals grow, mm. Default the origin.
+    position_mm: [f64; 3],
+    /// Turns about +x, then +y, then +z, degrees. Default none.
+    rotation_deg: [f64; 3],
+    /// Factor on all lengths. Default 1.
+    scale: f64,
+}
+
+impl Default for RoseKeys {
+    fn default() -> Self {
+        Self {
+            preset: "hybrid_tea".to_owned(),
+            rose: toml::Table::new(),
+            materials: RoseMaterials::default(),
+            position_mm: [0.0; 3],
+            rotation_deg: [0.0; 3],
+            scale: 1.0,
+        }
+    }
+}
+
+impl TryFrom<RoseKeys> for RoseShape {
+    type Error = String;
+
+    fn try_from(keys: RoseKeys) -> Result<Self, String> {
+        let preset: RoseDescription = keys.preset.parse().map_err(|e: crate::Error| match e {
+            crate::Error::Invalid { what, .. } => what,
+            other => other.to_string(),
+        })?;
+        let mut table = toml::Table::try_from(&preset).map_err(|e| e.to_string())?;
+        overlay(&mut table, keys.rose);
+        let rose = RoseDescription::deserialize(table).map_err(|e| e.message().to_owned())?;
+        let RoseKeys { preset, materials, position_mm, rotation_deg, scale, .. } = keys;
+        Ok(Self { preset, rose, materials, position_mm, rotation_deg, scale })
+    }
+}
+
+/// Puts the values of `over` into `base`, table by table.
+fn overlay(base: &mut toml::Table, over: toml::Table) {
+    for (key, value) in over {
+        match (base.get_mut(&key), value) {
+            (Some(toml::Value::Table(below)), toml::Value::Table(above)) => overlay(below, above),
+            (_, value) => {
+                base.insert(key, value);
+            }
+        }
+    }
+}
 
 /// `type = "mesh"`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -156,18 +217,6 @@ impl Default for RoseMaterials {
             receptacle: "stem".to_owned(),
             stem: "stem".to_owned(),
             leaf: "leaf".to_owned(),
-        }
-    }
-}
-
-impl Default for RoseShape {
-    fn default() -> Self {
-        Self {
-            rose: RoseDescription::default(),
-            materials: RoseMaterials::default(),
-            position_mm: [0.0; 3],
-            rotation_deg: [0.0; 3],
-            scale: 1.0,
         }
     }
 }
