@@ -4,9 +4,9 @@ use super::assets::Assets;
 use super::description::{SpectrumDescription, SpectrumTable};
 use super::key::Key;
 use crate::spectrum::color::srgb_decode;
-use crate::spectrum::illuminant::{Illuminant, d65};
+use crate::spectrum::illuminant::Illuminant;
 use crate::spectrum::observer::Observer;
-use crate::spectrum::{Spectrum, table, upsample};
+use crate::spectrum::{Spectrum, emission_from_rgb, table, upsample};
 use crate::Result;
 
 /// Share of the light, 0 to 1, that a surface reflects or transmits.
@@ -15,7 +15,7 @@ pub(super) fn reflectance(d: &SpectrumDescription, key: &Key, assets: &dyn Asset
         (SpectrumDescription::Constant(v), _) => share(*v, key).map(|v| Spectrum::Constant(v as f32)),
         (_, Some(rgb)) => {
             rgb_shares(rgb, key)?;
-            key.name(upsample::reflectance_from_rgb(rgb))
+            key.name(upsample::reflectance_from_rgb(rgb, ""))
         }
         (SpectrumDescription::Table(t), _) if t.file.is_some() => from_file(t, key, assets),
         _ => Err(key.invalid("a light's spectrum is no reflectance; give a number, a colour or a file")),
@@ -39,7 +39,7 @@ pub(super) fn reflectance_and_transmittance(
         (Some(rgb_r), Some(rgb_t)) if !numbers => {
             rgb_shares(rgb_r, r.1)?;
             rgb_shares(rgb_t, t.1)?;
-            t.1.name(upsample::reflectance_transmittance_from_rgb(rgb_r, rgb_t))
+            t.1.name(upsample::reflectance_transmittance_from_rgb(rgb_r, rgb_t, ""))
         }
         _ => Ok((reflectance(r.0, r.1, assets)?, reflectance(t.0, t.1, assets)?)),
     }
@@ -50,13 +50,7 @@ pub(super) fn emission(d: &SpectrumDescription, key: &Key, assets: &dyn Assets) 
     let spectrum = match (d, rgb(d, key)?) {
         (SpectrumDescription::Constant(_), _) => Spectrum::Constant(1.0),
         (_, Some(rgb)) => {
-            let max = rgb.iter().copied().fold(0.0, f32::max);
-            if rgb.iter().any(|v| !v.is_finite() || *v < 0.0) || max == 0.0 {
-                return Err(key.invalid(format!("{rgb:?} is not the colour of a light")));
-            }
-            // As bright as a reflectance can be; only the ratios count.
-            let shape = key.name(upsample::reflectance_from_rgb(rgb.map(|v| v / max)))?;
-            shape.zip(d65(), |a, b| a * b)
+            key.name(emission_from_rgb(rgb, &Illuminant::D65, ""))?
         }
         (SpectrumDescription::Table(t), _) => light_table(t, key, assets)?,
         _ => return Err(key.invalid("not a spectrum")),

@@ -15,9 +15,10 @@ use super::hash::Fnv128;
 use super::key::Key;
 use super::locate::nearest;
 use super::material::Material;
+use super::pending::flower::OrganKind;
 use super::shape::{self, Shape};
 use super::{description, light};
-use crate::flower::OrganKind;
+use crate::geometry::bvh::Bvh;
 use crate::{Error, Result};
 
 /// All that a picture needs, checked and ready.
@@ -37,6 +38,8 @@ pub struct Scene {
     pub materials: Vec<Material>,
     /// Every light; a shape's `emitter` is an index into them.
     pub lights: Lights,
+    /// Acceleration structure over all shapes, in their order.
+    pub bvh: Bvh,
     /// Smallest and largest corner of all shapes, mm.
     pub bounds: (Vec3, Vec3),
     /// Names what is rendered: equal for equal descriptions and files, whatever `spp` and `seed` are.
@@ -77,6 +80,7 @@ pub fn compile(description: &SceneDescription, assets: &dyn Assets) -> Result<Sc
     let bounds = bounds(compiler.shapes.iter());
     let lit = if lit.0.is_finite() { lit } else { bounds };
     let lights = Lights::new(compiler.emitters, (lit.0 + lit.1) / 2.0, (lit.1 - lit.0).length() / 2.0);
+    let bvh = Bvh::build(compiler.shapes.iter().map(|s| &s.mesh));
     Ok(Scene {
         film: description.film.clone(),
         render: description.render.clone(),
@@ -85,6 +89,7 @@ pub fn compile(description: &SceneDescription, assets: &dyn Assets) -> Result<Sc
         shapes: compiler.shapes,
         materials: compiler.materials,
         lights,
+        bvh,
         bounds,
         scene_hash: assets.finish(),
     })

@@ -26,8 +26,8 @@ use glam::{Vec2, Vec3};
 use super::environment::{Environment, search};
 use crate::geometry::Mesh;
 use crate::math::{Frame, warp};
-use crate::spectrum::upsample::EmissionBasis;
-use crate::spectrum::{SampledSpectrum, SampledWavelengths, Spectrum};
+use crate::spectrum::illuminant::d65;
+use crate::spectrum::{RgbBasis, SampledSpectrum, SampledWavelengths, Spectrum};
 
 /// One light.
 #[derive(Clone, Debug)]
@@ -134,7 +134,6 @@ pub struct LightSample {
 pub struct Lights {
     emitters: Vec<Emitter>,
     cumulative: Vec<f32>,
-    basis: EmissionBasis,
 }
 
 impl Lights {
@@ -153,7 +152,7 @@ impl Lights {
         if let Some(last) = cumulative.last_mut() {
             *last = 1.0;
         }
-        Self { emitters, cumulative, basis: EmissionBasis::new() }
+        Self { emitters, cumulative }
     }
 
     /// The lights, in order of their ids.
@@ -238,7 +237,8 @@ impl Lights {
             match e {
                 Emitter::Constant { radiance } => sum += radiance.sample(lambda),
                 Emitter::Image { image, scale } => {
-                    sum += self.basis.sample((image.rgb(w) * *scale).to_array(), lambda);
+                    let rgb = (image.rgb(w) * *scale).to_array();
+                    sum += RgbBasis::get().sample(rgb, lambda) * d65().sample(lambda);
                 }
                 Emitter::Distant { frame, one_minus_cos, value } if in_cone(frame, *one_minus_cos, w) => {
                     sum += value.sample(lambda);
@@ -320,5 +320,194 @@ impl Emitter {
                 area.radiance.mean() * (area.area_mm2 / d2).min(PI)
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Sampler;
+    use crate::scene::shape;
+    use glam::UVec2;
+    use std::f32::consts::TAU;
+
+    const UP: Vec3 = Vec3::Z;
+
+    fn lambda() -> SampledWavelengths {
+        SampledWavelengths::visible(0.5)
+    }
+
+    fn constant(radiance: f32) -> Emitter {
+        Emitter::Constant { radiance: Spectrum::Constant(radiance) }
+    }
+
+    fn cone(towards: Vec3, radius_deg: f32, irradiance: f32) -> Emitter {
+        let r = radius_deg.to_radians();
+        let one_minus_cos = 2.0 * (r / 2.0).sin().powi(2);
+        let value = Spectrum::Constant(if r > 0.0 { irradiance / (PI * r.sin().powi(2)) } else { irradiance });
+        Emitter::Distant { frame: Frame::from_normal(towards.normalize()), one_minus_cos, value }
+    }
+
+    fn image() -> Emitter {
+        let pixels = (0..16 * 8).map(|i| [0.1 + (i % 16) as f32, 0.5, (i / 16) as f32 * 0.3]).collect();
+        Emitter::Image { image: Box::new(Environment::new(16, 8, pixels, 1.0).unwrap()), scale: 0.5 }
+    }
+
+    fn quad_above(height: f32) -> Emitter {
+        // The quad's normal is +z; turned over, it faces down.
+        let mesh = shape::place(
+            shape::quad(40.0, 20.0),
+            |p| Vec3::new(p.x + 15.0, -p.y, height),
+            |n| Vec3::new(n.x, -n.y, -n.z),
+        );
+        Emitter::Area(AreaEmitter::new(&mesh, Spectrum::Constant(2.0), false))
+    }
+
+    fn lights(emitters: Vec<Emitter>) -> Lights {
+        Lights::new(emitters, Vec3::ZERO, 10.0)
+    }
+
+    /// Irradiance on a surface at `p` with normal +z, by sampling the lights `n` times.
+    fn irradiance(lights: &Lights, p: Vec3, n: u32) -> f64 {
+        let mut sum = 0.0;
+        for i in 0..n {
+            let mut s = Sampler::new(11, UVec2::ZERO, i);
+            if let Some(l) = lights.sample(p, s.next_1d(), s.next_2d(), &lambda()) {
+                sum += f64::from(l.radiance[0] * l.wi.dot(UP).max(0.0) / l.pdf_per_sr);
+            }
+        }
+        sum / f64::from(n)
+    }
+
+    #[test]
+    fn constant_light_gives_pi_l() {
+        let e = irradiance(&lights(vec![constant(0.7)]), Vec3::ZERO, 1 << 14);
+        assert!((e / (0.7 * std::f64::consts::PI) - 1.0).abs() < 1e-3, "{e}");
+    }
+
+    #[test]
+    fn distant_irradiance_is_its_key() {
+        for radius_deg in [0.0, 0.265, 5.0, 40.0] {
+            let facing = irradiance(&lights(vec![cone(UP, radius_deg, 3.0)]), Vec3::ZERO, 1 << 12);
+            assert!((facing - 3.0).abs() < 3e-3, "{radius_deg} deg: {facing}");
+        }
+        let slanted = irradiance(&lights(vec![cone(Vec3::new(1.0, 0.0, 1.0), 5.0, 3.0)]), Vec3::ZERO, 1 << 12);
+        assert!((slanted - 3.0 / 2f64.sqrt()).abs() < 3e-3, "{slanted}");
+    }
+
+    #[test]
+    fn a_narrow_cone_is_where_it_is_sampled() {
+        let l = lights(vec![cone(Vec3::new(0.3, -0.5, 0.8), 0.265, 1.0)]);
+        let mut outside = 0;
+        for i in 0..4096 {
+            let mut s = Sampler::new(1, UVec2::ZERO, i);
+            // A direction drawn on the rim may round to the outside; then it carries no light.
+            outside += u32::from(l.sample(Vec3::ZERO, 0.5, s.next_2d(), &lambda()).is_none());
+        }
+        assert!(outside <= 2, "{outside}");
+    }
+
+    #[test]
+    fn disc_light_has_its_form_factor() {
+        // Disc of radius r, parallel to the surface at height h above it: E = pi L r^2 / (r^2 + h^2).
+        let (r, h) = (30.0f64, 25.0f64);
+        let mesh = shape::place(
+            shape::disc(r),
+            |p| Vec3::new(p.x, -p.y, h as f32),
+            |n| Vec3::new(n.x, -n.y, -n.z),
+        );
+        let l = lights(vec![Emitter::Area(AreaEmitter::new(&mesh, Spectrum::Constant(2.0), false))]);
+        let e = irradiance(&l, Vec3::ZERO, 1 << 15);
+        let exact = std::f64::consts::PI * 2.0 * r * r / (r * r + h * h);
+        assert!((e / exact - 1.0).abs() < 2e-3, "{e} {exact}");
+        // Its back is dark.
+        assert_eq!(irradiance(&l, Vec3::new(0.0, 0.0, 60.0), 1 << 8), 0.0);
+        assert!(l.emitted(0, -UP, UP, &lambda()).is_zero());
+        assert_eq!(l.emitted(0, -UP, -UP, &lambda())[0], 2.0);
+    }
+
+    #[test]
+    fn point_light_falls_with_the_square() {
+        let l = lights(vec![Emitter::Point {
+            position: Vec3::new(0.0, 0.0, 20.0),
+            intensity: Spectrum::Constant(800.0),
+        }]);
+        assert!((irradiance(&l, Vec3::ZERO, 1) - 2.0).abs() < 1e-5);
+        let s = l.sample(Vec3::new(0.0, 0.0, 10.0), 0.5, Vec2::ZERO, &lambda()).unwrap();
+        assert!(s.delta && (s.distance_mm - 10.0).abs() < 1e-4 && (s.radiance[0] - 8.0).abs() < 1e-4);
+    }
+
+    #[test]
+    fn mixture_is_unbiased() {
+        // Overlapping far lights and a near one: together as much as one by one.
+        let all = || vec![constant(0.3), cone(Vec3::new(0.2, 0.1, 1.0), 20.0, 2.0), image(), quad_above(50.0)];
+        let together = irradiance(&lights(all()), Vec3::ZERO, 1 << 18);
+        let apart: f64 =
+            all().into_iter().map(|e| irradiance(&lights(vec![e]), Vec3::ZERO, 1 << 16)).sum();
+        assert!((together / apart - 1.0).abs() < 3e-3, "{together} {apart}");
+    }
+
+    #[test]
+    fn directions_follow_the_density() {
+        let cases = vec![
+            lights(vec![constant(1.0)]),
+            lights(vec![image()]),
+            lights(vec![cone(Vec3::new(0.5, 0.2, 0.4), 50.0, 1.0)]),
+            lights(vec![constant(0.3), image(), cone(Vec3::new(-0.5, 0.2, 0.4), 50.0, 1.0)]),
+        ];
+        for (case, l) in cases.iter().enumerate() {
+            let (bins, n, fine) = (12usize, 40_000u32, 1200usize);
+            let bin = |w: Vec3| {
+                let u = warp::sphere_to_square(w) * bins as f32;
+                (u.x as usize).min(bins - 1) * bins + (u.y as usize).min(bins - 1)
+            };
+            let mut seen = vec![0.0f64; bins * bins];
+            for i in 0..n {
+                // One seed per draw: independent draws, as chi-square wants them.
+                let mut s = Sampler::new(u64::from(i) + 1, UVec2::new(case as u32, 3), 0);
+                let Some(d) = l.sample(Vec3::ZERO, s.next_1d(), s.next_2d(), &lambda()) else { continue };
+                assert!(!d.delta && (d.wi.length() - 1.0).abs() < 1e-5);
+                seen[bin(d.wi)] += 1.0;
+            }
+            let mut expected = vec![0.0f64; bins * bins];
+            let mut total = 0.0;
+            for i in 0..fine * fine {
+                let u = Vec2::new((i % fine) as f32 + 0.5, (i / fine) as f32 + 0.5) / fine as f32;
+                let w = warp::square_to_sphere(u);
+                let p = f64::from(l.pdf_environment(w) * 2.0 * TAU) / (fine * fine) as f64;
+                total += p;
+                expected[bin(w)] += p * f64::from(n);
+            }
+            assert!((total - 1.0).abs() < 4e-3, "case {case}: the density integrates to {total}");
+            let (mut chi2, mut freedom) = (0.0, -1.0);
+            for (s, e) in seen.iter().zip(&expected).filter(|(_, e)| **e > 8.0) {
+                chi2 += (s - e) * (s - e) / e;
+                freedom += 1.0;
+            }
+            // Mean + 4 standard deviations of chi-square.
+            assert!(chi2 < freedom + 4.0 * (2.0f64 * freedom).sqrt(), "case {case}: {chi2} of {freedom}");
+        }
+    }
+
+    #[test]
+    fn area_density_is_the_one_it_is_drawn_with() {
+        let l = lights(vec![constant(0.2), quad_above(30.0)]);
+        let p = Vec3::new(-20.0, 5.0, 0.0);
+        for i in 0..1000 {
+            let mut s = Sampler::new(3, UVec2::ZERO, i);
+            let Some(d) = l.sample(p, 0.999, s.next_2d(), &lambda()) else { continue };
+            let on = p + d.wi * d.distance_mm;
+            assert!((on.z - 30.0).abs() < 1e-3);
+            assert!((l.pdf_area(1, p, on, -UP) / d.pdf_per_sr - 1.0).abs() < 1e-3);
+        }
+        assert_eq!(l.pdf_area(1, Vec3::new(0.0, 0.0, 90.0), Vec3::new(15.0, 0.0, 30.0), -UP), 0.0);
+    }
+
+    #[test]
+    fn bright_lights_are_picked_more_often_and_none_never() {
+        let l = lights(vec![constant(1.0), constant(9.0), constant(0.0)]);
+        assert!((l.pick_probability(1) - (0.81 + 0.1 / 3.0)).abs() < 1e-5);
+        assert!(l.pick_probability(2) > 0.03);
+        assert!(lights(vec![]).sample(Vec3::ZERO, 0.5, Vec2::ZERO, &lambda()).is_none());
     }
 }

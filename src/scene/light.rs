@@ -8,10 +8,10 @@ use super::description::{AreaLight, AreaShape, DistantLight, EmissionDescription
 use super::emitter::{AreaEmitter, Emitter};
 use super::environment::Environment;
 use super::key::Key;
+use super::pending::io;
 use super::shape::{self, place};
 use crate::Result;
 use crate::geometry::Mesh;
-use crate::io;
 use crate::math::Frame;
 use crate::spectrum::Spectrum;
 
@@ -62,11 +62,11 @@ pub(super) fn of_shape(
 fn image(l: &ImageLight, key: &Key, assets: &dyn Assets) -> Result<Emitter> {
     let file = key.at("file");
     let bytes = file.says(assets.read(&l.file))?;
-    let image = file.says(io::image::read(&bytes, &l.file))?;
+    let image = file.says(io::image::read(&bytes, io::image::MAX_PIXELS))?;
     let rotation = key.at("rotation_deg").finite(l.rotation_deg)?.to_radians() as f32;
     let scale = key.at("scale").not_negative(l.scale)? as f32;
     let environment =
-        key.under(Environment::new(image.width as usize, image.height as usize, image.pixels, rotation))?;
+        key.under(Environment::new(image.width, image.height, image.rgb, rotation))?;
     Ok(Emitter::Image { image: Box::new(environment), scale })
 }
 

@@ -270,8 +270,8 @@ mod tests {
 
     #[test]
     fn inside_a_roses_keys() {
-        let e = fails("[shapes.r]\ntype = \"rose\"\n[shapes.r.rose.petal]\nlenth_mm = 3\n", &[]);
-        assert_eq!((e.line, e.key.as_str()), (Some(4), "shapes.r.rose.petal.lenth_mm"), "{e}");
+        let e = fails("[shapes.r]\ntype = \"rose\"\n[shapes.r.rose]\npetalz = 3\n", &[]);
+        assert_eq!((e.line, e.key.as_str()), (Some(4), "shapes.r.rose.petalz"), "{e}");
         let e = fails("[shapes.r]\ntype = \"rose\"\npreset = \"tulip\"\n", &[]);
         assert_eq!((e.line, e.key.as_str()), (Some(3), "shapes.r.preset"), "{e}");
     }
@@ -344,7 +344,7 @@ mod tests {
         }
         assert_eq!(schema["additionalProperties"], false);
         let text = schema.to_string();
-        for key in ["filter_radius_px", "angular_radius_deg", "reflectance_adaxial", "pitch_um", "divergence_deg"] {
+        for key in ["filter_radius_px", "angular_radius_deg", "reflectance_adaxial", "pitch_um", "petals"] {
             assert!(text.contains(key), "{key}");
         }
     }

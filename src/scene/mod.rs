@@ -23,6 +23,7 @@ mod color;
 mod hash;
 mod key;
 mod light;
+mod pending;
 
 pub use assets::{Assets, DiskAssets, MemoryAssets};
 pub use camera::{Camera, CameraRay};

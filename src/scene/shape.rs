@@ -7,9 +7,10 @@ use glam::{DQuat, DVec3, Vec2, Vec3};
 use super::assets::Assets;
 use super::description::{Placement, ShapeDescription};
 use super::key::Key;
-use crate::flower::{self, OrganKind};
+use super::pending::flower::{self, OrganKind};
+use super::pending::io;
 use crate::geometry::Mesh;
-use crate::{Result, io};
+use crate::Result;
 
 /// A mesh of the scene with what it is.
 #[derive(Clone, Debug)]
@@ -52,8 +53,8 @@ pub(super) fn parts(d: &ShapeDescription, key: &Key, assets: &dyn Assets) -> Res
     let parts = match d {
         ShapeDescription::Rose(s) => {
             let key = key.at("rose");
-            key.under(s.rose.validate("rose").map_err(|e| strip(e, "rose.")))?;
-            let flower = key.under(flower::grow(&s.rose).map_err(|e| strip(e, "rose.")))?;
+            s.rose.validate(&key.to_string())?;
+            let flower = key.says(flower::grow(&s.rose))?;
             let part = |o: flower::Organ| Part {
                 mesh: o.mesh,
                 organ: Some(o.kind),
@@ -63,7 +64,7 @@ pub(super) fn parts(d: &ShapeDescription, key: &Key, assets: &dyn Assets) -> Res
         }
         ShapeDescription::Mesh(s) => {
             let key = key.at("file");
-            let mesh = key.says(assets.read(&s.file).and_then(|b| io::read_mesh(&b, &s.file)))?;
+            let mesh = key.says(assets.read(&s.file).and_then(|b| io::read_mesh(&b)))?;
             key.says(mesh.validate(&s.file))?;
             // How long a unit of u is differs over the mesh: only flowers have cells by their uv.
             single(mesh, Vec2::ZERO)
@@ -180,16 +181,6 @@ fn icosahedron_faces(points: &[DVec3]) -> Vec<[u32; 3]> {
         }
     }
     faces
-}
-
-/// Drops the table's own name from the front of an error's key.
-fn strip(error: crate::Error, prefix: &str) -> crate::Error {
-    match error {
-        crate::Error::Invalid { at, what } => {
-            crate::Error::invalid(at.strip_prefix(prefix).unwrap_or(&at), what)
-        }
-        other => other,
-    }
 }
 
 #[cfg(test)]
