@@ -66,7 +66,7 @@ pub struct SourceError {
     pub text: String,
     /// Bytes of `text` that are wrong.
     pub span: Range<usize>,
-    /// Line from 1; `None` for an argument.
+    /// Line from 1; `None` for an argument, and for what the text lacks.
     pub line: Option<usize>,
     /// Character in the line, from 1.
     pub column: usize,

@@ -3,11 +3,11 @@
 use super::assets::Assets;
 use super::description::{SpectrumDescription, SpectrumTable};
 use super::key::Key;
+use crate::Result;
 use crate::spectrum::color::srgb_decode;
 use crate::spectrum::illuminant::Illuminant;
 use crate::spectrum::observer::Observer;
 use crate::spectrum::{Spectrum, emission_from_rgb, table, upsample};
-use crate::Result;
 
 /// Share of the light, 0 to 1, that a surface reflects or transmits.
 pub(super) fn reflectance(d: &SpectrumDescription, key: &Key, assets: &dyn Assets) -> Result<Spectrum> {
@@ -33,8 +33,7 @@ pub(super) fn reflectance_and_transmittance(
         SpectrumDescription::Constant(v) => share(*v, key).map(|v| Some([v as f32; 3])),
         _ => rgb(d, key),
     };
-    let numbers =
-        matches!((r.0, t.0), (SpectrumDescription::Constant(_), SpectrumDescription::Constant(_)));
+    let numbers = matches!((r.0, t.0), (SpectrumDescription::Constant(_), SpectrumDescription::Constant(_)));
     match (colour(r)?, colour(t)?) {
         (Some(rgb_r), Some(rgb_t)) if !numbers => {
             rgb_shares(rgb_r, r.1)?;
@@ -49,9 +48,7 @@ pub(super) fn reflectance_and_transmittance(
 pub(super) fn emission(d: &SpectrumDescription, key: &Key, assets: &dyn Assets) -> Result<Spectrum> {
     let spectrum = match (d, rgb(d, key)?) {
         (SpectrumDescription::Constant(_), _) => Spectrum::Constant(1.0),
-        (_, Some(rgb)) => {
-            key.name(emission_from_rgb(rgb, &Illuminant::D65, ""))?
-        }
+        (_, Some(rgb)) => key.name(emission_from_rgb(rgb, &Illuminant::D65, ""))?,
         (SpectrumDescription::Table(t), _) => light_table(t, key, assets)?,
         _ => return Err(key.invalid("not a spectrum")),
     };
@@ -102,11 +99,7 @@ fn hex(text: &str) -> Option<[f32; 3]> {
 }
 
 fn share(v: f64, key: &Key) -> Result<f64> {
-    if (0.0..=1.0).contains(&v) {
-        Ok(v)
-    } else {
-        Err(key.invalid(format!("{v} is not within 0 to 1")))
-    }
+    if (0.0..=1.0).contains(&v) { Ok(v) } else { Err(key.invalid(format!("{v} is not within 0 to 1"))) }
 }
 
 fn rgb_shares(rgb: [f32; 3], key: &Key) -> Result<()> {

@@ -15,9 +15,9 @@ use super::hash::Fnv128;
 use super::key::Key;
 use super::locate::nearest;
 use super::material::Material;
-use super::pending::flower::OrganKind;
 use super::shape::{self, Shape};
 use super::{description, light};
+use crate::flower::OrganKind;
 use crate::geometry::bvh::Bvh;
 use crate::{Error, Result};
 
@@ -55,7 +55,8 @@ pub fn compile(description: &SceneDescription, assets: &dyn Assets) -> Result<Sc
     check_petal(&description.petal)?;
     let camera = camera(&description.camera, [description.film.width, description.film.height])?;
 
-    let mut compiler = Compiler { materials: Vec::new(), ids: BTreeMap::new(), shapes: Vec::new(), emitters: Vec::new() };
+    let mut compiler =
+        Compiler { materials: Vec::new(), ids: BTreeMap::new(), shapes: Vec::new(), emitters: Vec::new() };
     for (name, d) in &description.materials {
         let material = Material::compile(d, &Key::new("materials").at(name), &assets)?;
         compiler.ids.insert(name.clone(), compiler.materials.len() as u32);
@@ -106,7 +107,9 @@ impl Compiler {
     fn shape(&mut self, d: &ShapeDescription, key: &Key, assets: &dyn Assets) -> Result<()> {
         for part in shape::parts(d, key, assets)? {
             let material = match (d, part.organ) {
-                (ShapeDescription::Rose(rose), Some(kind)) => self.organ_material(&rose.materials, kind, key)?,
+                (ShapeDescription::Rose(rose), Some(kind)) => {
+                    self.organ_material(&rose.materials, kind, key)?
+                }
                 _ => {
                     let name = d.surface().map_or("", |(material, _)| material);
                     self.material(name, &key.at("material"))?
@@ -228,7 +231,9 @@ fn camera(d: &CameraDescription, film_px: [u32; 2]) -> Result<Camera> {
             focal_length / (2.0 * key.at("f_number").positive(number)?)
         }
         (CameraType::ThinLens, ..) => {
-            return Err(key.at("type").invalid("a thin lens needs either `f_number` or `aperture_radius_mm`"));
+            return Err(key
+                .at("type")
+                .invalid("a thin lens needs either `f_number` or `aperture_radius_mm`"));
         }
     };
     let focus = match (d.focus_mm, d.focus_point_mm) {
@@ -256,9 +261,9 @@ fn camera(d: &CameraDescription, film_px: [u32; 2]) -> Result<Camera> {
 }
 
 fn bounds<'a>(shapes: impl Iterator<Item = &'a Shape>) -> (Vec3, Vec3) {
-    shapes.map(|s| s.mesh.bounds()).fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), (l, h)| {
-        (low.min(l), high.max(h))
-    })
+    shapes
+        .map(|s| s.mesh.bounds())
+        .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), (l, h)| (low.min(l), high.max(h)))
 }
 
 /// Hash of the description's canonical text: keys in order, defaults written out.

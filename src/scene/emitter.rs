@@ -166,13 +166,7 @@ impl Lights {
     }
 
     /// Draws a direction from `p` towards a light. `None` where the chosen light sends nothing to `p`.
-    pub fn sample(
-        &self,
-        p: Vec3,
-        u_pick: f32,
-        u: Vec2,
-        lambda: &SampledWavelengths,
-    ) -> Option<LightSample> {
+    pub fn sample(&self, p: Vec3, u_pick: f32, u: Vec2, lambda: &SampledWavelengths) -> Option<LightSample> {
         if self.emitters.is_empty() {
             return None;
         }
@@ -267,13 +261,7 @@ impl Lights {
     }
 
     /// Radiance of the glowing surface `emitter` towards `wo`, where its geometric normal is `ng`.
-    pub fn emitted(
-        &self,
-        emitter: u32,
-        ng: Vec3,
-        wo: Vec3,
-        lambda: &SampledWavelengths,
-    ) -> SampledSpectrum {
+    pub fn emitted(&self, emitter: u32, ng: Vec3, wo: Vec3, lambda: &SampledWavelengths) -> SampledSpectrum {
         match self.emitters.get(emitter as usize) {
             Some(Emitter::Area(area)) if area.glows(ng, wo) => area.radiance.sample(lambda),
             _ => SampledSpectrum::ZERO,
@@ -313,8 +301,7 @@ impl Emitter {
             }
             Emitter::Area(area) => {
                 let n = area.triangles.len().max(1) as f32;
-                let centre =
-                    area.triangles.iter().map(|t| (t[0] + t[1] + t[2]) / 3.0).sum::<Vec3>() / n;
+                let centre = area.triangles.iter().map(|t| (t[0] + t[1] + t[2]) / 3.0).sum::<Vec3>() / n;
                 let d2 = centre.distance_squared(middle).max(radius * radius).max(1e-12);
                 // A large near light cannot give more than a hemisphere.
                 area.radiance.mean() * (area.area_mm2 / d2).min(PI)
@@ -344,7 +331,8 @@ mod tests {
     fn cone(towards: Vec3, radius_deg: f32, irradiance: f32) -> Emitter {
         let r = radius_deg.to_radians();
         let one_minus_cos = 2.0 * (r / 2.0).sin().powi(2);
-        let value = Spectrum::Constant(if r > 0.0 { irradiance / (PI * r.sin().powi(2)) } else { irradiance });
+        let value =
+            Spectrum::Constant(if r > 0.0 { irradiance / (PI * r.sin().powi(2)) } else { irradiance });
         Emitter::Distant { frame: Frame::from_normal(towards.normalize()), one_minus_cos, value }
     }
 
@@ -391,7 +379,8 @@ mod tests {
             let facing = irradiance(&lights(vec![cone(UP, radius_deg, 3.0)]), Vec3::ZERO, 1 << 12);
             assert!((facing - 3.0).abs() < 3e-3, "{radius_deg} deg: {facing}");
         }
-        let slanted = irradiance(&lights(vec![cone(Vec3::new(1.0, 0.0, 1.0), 5.0, 3.0)]), Vec3::ZERO, 1 << 12);
+        let slanted =
+            irradiance(&lights(vec![cone(Vec3::new(1.0, 0.0, 1.0), 5.0, 3.0)]), Vec3::ZERO, 1 << 12);
         assert!((slanted - 3.0 / 2f64.sqrt()).abs() < 3e-3, "{slanted}");
     }
 
@@ -411,11 +400,8 @@ mod tests {
     fn disc_light_has_its_form_factor() {
         // Disc of radius r, parallel to the surface at height h above it: E = pi L r^2 / (r^2 + h^2).
         let (r, h) = (30.0f64, 25.0f64);
-        let mesh = shape::place(
-            shape::disc(r),
-            |p| Vec3::new(p.x, -p.y, h as f32),
-            |n| Vec3::new(n.x, -n.y, -n.z),
-        );
+        let mesh =
+            shape::place(shape::disc(r), |p| Vec3::new(p.x, -p.y, h as f32), |n| Vec3::new(n.x, -n.y, -n.z));
         let l = lights(vec![Emitter::Area(AreaEmitter::new(&mesh, Spectrum::Constant(2.0), false))]);
         let e = irradiance(&l, Vec3::ZERO, 1 << 15);
         let exact = std::f64::consts::PI * 2.0 * r * r / (r * r + h * h);
@@ -440,10 +426,10 @@ mod tests {
     #[test]
     fn mixture_is_unbiased() {
         // Overlapping far lights and a near one: together as much as one by one.
-        let all = || vec![constant(0.3), cone(Vec3::new(0.2, 0.1, 1.0), 20.0, 2.0), image(), quad_above(50.0)];
+        let all =
+            || vec![constant(0.3), cone(Vec3::new(0.2, 0.1, 1.0), 20.0, 2.0), image(), quad_above(50.0)];
         let together = irradiance(&lights(all()), Vec3::ZERO, 1 << 18);
-        let apart: f64 =
-            all().into_iter().map(|e| irradiance(&lights(vec![e]), Vec3::ZERO, 1 << 16)).sum();
+        let apart: f64 = all().into_iter().map(|e| irradiance(&lights(vec![e]), Vec3::ZERO, 1 << 16)).sum();
         assert!((together / apart - 1.0).abs() < 3e-3, "{together} {apart}");
     }
 

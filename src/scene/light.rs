@@ -4,7 +4,9 @@ use glam::{DVec2, Vec3};
 
 use super::assets::Assets;
 use super::color::emission;
-use super::description::{AreaLight, AreaShape, DistantLight, EmissionDescription, ImageLight, LightDescription};
+use super::description::{
+    AreaLight, AreaShape, DistantLight, EmissionDescription, ImageLight, LightDescription,
+};
 use super::emitter::{AreaEmitter, Emitter};
 use super::environment::Environment;
 use super::key::Key;
@@ -65,8 +67,7 @@ fn image(l: &ImageLight, key: &Key, assets: &dyn Assets) -> Result<Emitter> {
     let image = file.says(io::image::read(&bytes, io::image::MAX_PIXELS))?;
     let rotation = key.at("rotation_deg").finite(l.rotation_deg)?.to_radians() as f32;
     let scale = key.at("scale").not_negative(l.scale)? as f32;
-    let environment =
-        key.under(Environment::new(image.width, image.height, image.rgb, rotation))?;
+    let environment = key.under(Environment::new(image.width, image.height, image.rgb, rotation))?;
     Ok(Emitter::Image { image: Box::new(environment), scale })
 }
 

@@ -49,8 +49,7 @@ pub struct Loaded<T> {
 
 /// Reads a description of type `T` from the TOML `text` of the file `name` and from `overrides`.
 pub fn load<T: DeserializeOwned>(text: &str, name: &str, overrides: &[Override]) -> Result<Loaded<T>> {
-    let source =
-        Source { name: name.to_owned(), text: text.to_owned(), overrides: overrides.to_vec() };
+    let source = Source { name: name.to_owned(), text: text.to_owned(), overrides: overrides.to_vec() };
     if text.trim().is_empty() {
         return Err(source.at_span(0..text.len(), "", "the file is empty"));
     }
@@ -196,7 +195,6 @@ fn sentence(message: &str) -> &str {
     message.lines().next().unwrap_or(message)
 }
 
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -255,7 +253,11 @@ mod tests {
         let e = fails(&format!("{head}radianc = 3\n"), &[]);
         assert_eq!((e.line, e.key.as_str(), text_of(&e)), (Some(4), "lights.key.radianc", "radianc"), "{e}");
         let e = fails(&format!("{head}radiance = \"bright\"\n"), &[]);
-        assert_eq!((e.line, e.key.as_str(), text_of(&e)), (Some(4), "lights.key.radiance", "\"bright\""), "{e}");
+        assert_eq!(
+            (e.line, e.key.as_str(), text_of(&e)),
+            (Some(4), "lights.key.radiance", "\"bright\""),
+            "{e}"
+        );
         assert!(e.what.contains("expected a number"), "{e}");
         let e = fails("[lights.key]\ntype = \"are\"\nposition_mm = [0, 0, 9]\n", &[]);
         assert_eq!((e.line, e.key.as_str()), (Some(2), "lights.key.type"), "{e}");
@@ -270,8 +272,8 @@ mod tests {
 
     #[test]
     fn inside_a_roses_keys() {
-        let e = fails("[shapes.r]\ntype = \"rose\"\n[shapes.r.rose]\npetalz = 3\n", &[]);
-        assert_eq!((e.line, e.key.as_str()), (Some(4), "shapes.r.rose.petalz"), "{e}");
+        let e = fails("[shapes.r]\ntype = \"rose\"\n[shapes.r.rose.petal]\nlenth_mm = 3\n", &[]);
+        assert_eq!((e.line, e.key.as_str()), (Some(4), "shapes.r.rose.petal.lenth_mm"), "{e}");
         let e = fails("[shapes.r]\ntype = \"rose\"\npreset = \"tulip\"\n", &[]);
         assert_eq!((e.line, e.key.as_str()), (Some(3), "shapes.r.preset"), "{e}");
     }
@@ -297,7 +299,10 @@ mod tests {
             ("[camera]\ntype = \"fisheye\"\n", "camera.type"),
             ("[lights.a]\ntype = \"constant\"\nspectrum = [1, 2]\n", "lights.a.spectrum"),
             ("[lights.a]\ntype = \"constant\"\nspectrum = true\n", "lights.a.spectrum"),
-            ("[lights.a]\ntype = \"constant\"\nspectrum = { illuminat = \"A\" }\n", "lights.a.spectrum.illuminat"),
+            (
+                "[lights.a]\ntype = \"constant\"\nspectrum = { illuminat = \"A\" }\n",
+                "lights.a.spectrum.illuminat",
+            ),
             ("[petal.cells]\npitch_um = \"x\"\n", "petal.cells.pitch_um"),
         ] {
             let e = fails(text, &[]);
@@ -313,14 +318,25 @@ mod tests {
             let o: Vec<Override> = o.iter().map(|o| Override::parse(o).unwrap()).collect();
             load::<SceneDescription>(text, "a.toml", &o).map(|l| l.description)
         };
-        let d = load(&["film.width=256", "film.tone_map=aces", "render.seed = 7", "lights.key.radiance=3"]).unwrap();
+        let d = load(&["film.width=256", "film.tone_map=aces", "render.seed = 7", "lights.key.radiance=3"])
+            .unwrap();
         assert_eq!((d.film.width, d.render.seed), (256, 7));
-        assert_eq!(d.film.tone_map, crate::scene::description::SceneDescription {
-            film: toml::from_str("tone_map = \"aces\"").unwrap(), ..Default::default() }.film.tone_map);
+        assert_eq!(
+            d.film.tone_map,
+            crate::scene::description::SceneDescription {
+                film: toml::from_str("tone_map = \"aces\"").unwrap(),
+                ..Default::default()
+            }
+            .film
+            .tone_map
+        );
         let message = |o: &[&str]| load(o).unwrap_err().to_string();
         assert!(message(&["film.widht=256"]).starts_with("-D film.widht=256: unknown key `widht`"));
         assert!(message(&["film.width=big"]).starts_with("-D film.width=big: invalid type: string \"big\""));
-        assert!(message(&["lights.rim.radiance=3"]).starts_with("-D lights.rim.radiance=3: lights.rim: missing key `type`"));
+        assert!(
+            message(&["lights.rim.radiance=3"])
+                .starts_with("-D lights.rim.radiance=3: lights.rim: missing key `type`")
+        );
         assert!(message(&["film.width.x=3"]).contains("`width` is a value, not a table"));
         assert!(message(&["flim.width=3"]).starts_with("-D flim.width=3: flim: unknown key `flim`"));
         // The last one wins.
@@ -344,7 +360,9 @@ mod tests {
         }
         assert_eq!(schema["additionalProperties"], false);
         let text = schema.to_string();
-        for key in ["filter_radius_px", "angular_radius_deg", "reflectance_adaxial", "pitch_um", "petals"] {
+        for key in
+            ["filter_radius_px", "angular_radius_deg", "reflectance_adaxial", "pitch_um", "divergence_deg"]
+        {
             assert!(text.contains(key), "{key}");
         }
     }

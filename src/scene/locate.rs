@@ -25,20 +25,10 @@ impl Source {
         match error {
             Error::Invalid { at, what } => {
                 let path: Vec<String> = at.split('.').map(str::to_owned).collect();
-                if self.knows(&path) {
-                    self.at_key(&path, &what, false)
-                } else {
-                    Error::invalid(if at.is_empty() { self.name.clone() } else { at }, what)
-                }
+                self.at_key(&path, &what, false)
             }
             other => other,
         }
-    }
-
-    /// Does the text or an override set the key or a table around it?
-    fn knows(&self, path: &[String]) -> bool {
-        self.overrides.iter().any(|o| o.path().first().is_some_and(|p| path.first().is_some_and(|q| p == q)))
-            || self.find(path, false).is_some()
     }
 
     /// An error at a key, wherever it was set.
@@ -58,7 +48,15 @@ impl Source {
         match found {
             Some((span, _)) if exact => self.at_span(span, &key, what),
             Some((span, _)) => self.at_span(span, &key, &format!("{what} (the file does not set this key)")),
-            None => self.at_span(0..0, &key, what),
+            None => Error::from(Box::new(SourceError {
+                name: self.name.clone(),
+                text: self.text.clone(),
+                span: 0..0,
+                line: None,
+                column: 1,
+                key,
+                what: what.to_owned(),
+            })),
         }
     }
 

@@ -25,6 +25,9 @@ mod key;
 mod light;
 mod pending;
 
+#[cfg(test)]
+mod tests;
+
 pub use assets::{Assets, DiskAssets, MemoryAssets};
 pub use camera::{Camera, CameraRay};
 pub use compile::{Scene, compile};

@@ -7,10 +7,10 @@ use glam::{DQuat, DVec3, Vec2, Vec3};
 use super::assets::Assets;
 use super::description::{Placement, ShapeDescription};
 use super::key::Key;
-use super::pending::flower::{self, OrganKind};
 use super::pending::io;
-use crate::geometry::Mesh;
 use crate::Result;
+use crate::flower::{self, OrganKind};
+use crate::geometry::Mesh;
 
 /// A mesh of the scene with what it is.
 #[derive(Clone, Debug)]
@@ -46,8 +46,9 @@ pub(super) fn parts(d: &ShapeDescription, key: &Key, assets: &dyn Assets) -> Res
     let position = key.at("position_mm").vector(position_mm)?;
     let angles = key.at("rotation_deg").vector(rotation_deg)?.map(f64::to_radians);
     let scale = key.at("scale").positive(scale)?;
-    let rotation =
-        DQuat::from_rotation_z(angles.z) * DQuat::from_rotation_y(angles.y) * DQuat::from_rotation_x(angles.x);
+    let rotation = DQuat::from_rotation_z(angles.z)
+        * DQuat::from_rotation_y(angles.y)
+        * DQuat::from_rotation_x(angles.x);
     let single = |mesh: Mesh, uv_scale_mm: Vec2| vec![Part { mesh, organ: None, uv_scale_mm }];
     let length = |value: f64, name: &str| key.at(name).positive(value);
     let parts = match d {
@@ -86,11 +87,7 @@ pub(super) fn parts(d: &ShapeDescription, key: &Key, assets: &dyn Assets) -> Res
     let vector = |v: Vec3| (rotation * v.as_dvec3()).as_vec3();
     Ok(parts
         .into_iter()
-        .map(|p| Part {
-            mesh: place(p.mesh, point, vector),
-            uv_scale_mm: p.uv_scale_mm * scale as f32,
-            ..p
-        })
+        .map(|p| Part { mesh: place(p.mesh, point, vector), uv_scale_mm: p.uv_scale_mm * scale as f32, ..p })
         .collect())
 }
 
@@ -223,8 +220,7 @@ mod tests {
             rotation_deg = [90, 0, 90]"#,
         )
         .unwrap();
-        let parts =
-            parts(&d, &Key::new("shapes.q"), &super::super::assets::MemoryAssets::default()).unwrap();
+        let parts = parts(&d, &Key::new("shapes.q"), &super::super::assets::MemoryAssets::default()).unwrap();
         let [a, b, c] = parts[0].mesh.corners(0);
         // The normal +z goes to -y about x, then to +x about z.
         let n = (b - a).cross(c - a).normalize();

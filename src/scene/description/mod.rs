@@ -17,7 +17,7 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::pending::micro::CellDescription;
+use crate::micro::CellDescription;
 
 pub use camera::{CameraDescription, CameraType};
 pub use color::{SpectrumDescription, SpectrumTable};

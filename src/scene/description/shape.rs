@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::EmissionDescription;
-use crate::scene::pending::flower::RoseDescription;
+use crate::flower::RoseDescription;
 
 /// `[shapes.NAME]`: something that light meets, by `type`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
