@@ -1,0 +1,46 @@
+//! The thesis' ray tracing: direct light only.
+//!
+//! Model: each surface that the camera sees is lit by the lights straight through the petals between, every
+//! sheet taking its share ([`Scene::transmitted`]); a petal of cells is shaded from `petal.samples` random points of
+//! the cells in the ray's footprint. No light goes from petal to petal otherwise.
+//!
+//! Limits: biased by intent. What a sheet lets through keeps its direction here, where `path` scatters it.
+//! Without sheets between, equal to the direct light of `path` (`raytrace_is_the_direct_light_of_path`).
+
+use super::path::FIRST_DIMENSION;
+use super::shade::Shading;
+use super::{Incident, Integrator, PixelRay};
+use crate::math::Sampler;
+use crate::scene::Scene;
+use crate::spectrum::SampledWavelengths;
+
+/// Direct light with attenuating shadows.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Raytrace;
+
+impl Integrator for Raytrace {
+    fn li(&self, scene: &Scene, pixel: &PixelRay, lambda: &SampledWavelengths, sampler: &mut Sampler) -> Incident {
+        let mut result = Incident::default();
+        let ray = pixel.ray;
+        let Some(at) = scene.intersect(&ray) else {
+            result.direct = scene.lights.environment(ray.direction, lambda);
+            return result;
+        };
+        result.first = Some(at);
+        if let Some(emitter) = scene.shapes[at.shape as usize].emitter {
+            result.direct = scene.lights.emitted(emitter, at.ng, -ray.direction, lambda);
+        }
+        sampler.start_dimension(FIRST_DIMENSION);
+        let shading = Shading::new(scene, at, -ray.direction, Some(pixel), scene.petal.samples);
+        let u_pick = sampler.next_1d();
+        let u_light = sampler.next_2d();
+        if let Some(light) = scene.lights.sample(at.p, u_pick, u_light, lambda) {
+            let (f_cos, _) = shading.eval(light.wi, lambda, sampler);
+            if !f_cos.is_zero() {
+                let share = scene.transmitted(&at, light.wi, light.distance_mm, lambda);
+                result.direct += f_cos * light.radiance * share * (1.0 / light.pdf_per_sr);
+            }
+        }
+        result
+    }
+}
