@@ -14,6 +14,7 @@ pub mod illuminant;
 pub mod color;
 pub mod rgb_basis;
 pub mod upsample;
+pub mod pigment;
 
 pub use illuminant::Illuminant;
 pub use observer::Observer;

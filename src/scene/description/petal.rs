@@ -1,0 +1,95 @@
+//! What a petal file, or the table `[petal]` of a scene, says.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::SpectrumDescription;
+use crate::micro::CellDescription;
+
+/// `[petal]`: the thesis' petal, whose light comes from points of its cells.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct PetalDescription {
+    /// Random points of the cells within the footprint that shade one hit: few look dull and broken, many
+    /// shiny and smooth. At least 1. Default 4.
+    pub samples: u32,
+    /// Cell lattice and domes.
+    pub cells: CellDescription,
+    /// Coefficients of the light that leaves each layer.
+    pub shading: ShadingDescription,
+}
+
+/// Which layers shade the petal.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ShadingModel {
+    /// The thesis: upper epidermis on the domes plus spongy layer on the base, each Lambert + Phong.
+    #[default]
+    TwoLayer,
+    /// One Lambertian surface on the domes, of `albedo`; no pigment, no transmission.
+    Lambert,
+}
+
+/// `[petal.shading]`: the light that leaves each layer. All coefficients are shares of the light that falls on
+/// the petal, before the pigment takes its part.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct ShadingDescription {
+    /// Model. Default `two_layer`.
+    pub model: ShadingModel,
+    /// Reflectance of the domes' surface for `model = "lambert"`, 0 to 1. Default 0.5.
+    pub albedo: SpectrumDescription,
+    /// Upper epidermis, on the domes: a visible highlight.
+    pub epidermis: LayerDescription,
+    /// Spongy layer, on the base: dull.
+    pub spongy: LayerDescription,
+    /// Reflectance of the lower (abaxial) side, 0 to 1. Default 0.45.
+    pub abaxial: SpectrumDescription,
+    /// Anthocyanin in the upper epidermis, ug/cm2, 0 to 1000. Light that the epidermis scatters crosses it
+    /// once, light from the spongy layer twice, light through the petal once; highlights not at all. Default 32.
+    pub anthocyanin_ug_per_cm2: f64,
+    /// Anthocyanin in the lower epidermis, ug/cm2, 0 to 1000. Light that the lower side reflects crosses it
+    /// twice, light through the petal once. Default 20.
+    pub anthocyanin_abaxial_ug_per_cm2: f64,
+}
+
+/// Lambert + normalised Phong, and what the layer lets through.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LayerDescription {
+    /// Lambert coefficient, 0 to 1.
+    pub diffuse: SpectrumDescription,
+    /// Phong coefficient, 0 to 1.
+    pub specular: SpectrumDescription,
+    /// Phong exponent: the larger, the sharper the highlight.
+    pub exponent: f64,
+    /// Share that passes the layer, 0 to 1; the petal lets the product of both layers through.
+    pub transmittance: SpectrumDescription,
+}
+
+impl Default for PetalDescription {
+    fn default() -> Self {
+        Self { samples: 4, cells: CellDescription::default(), shading: ShadingDescription::default() }
+    }
+}
+
+// The sources of these numbers are in data/petals/thesis.toml, which a test keeps equal to them.
+impl Default for ShadingDescription {
+    fn default() -> Self {
+        let layer = |diffuse, specular, exponent, transmittance| LayerDescription {
+            diffuse: SpectrumDescription::Constant(diffuse),
+            specular: SpectrumDescription::Constant(specular),
+            exponent,
+            transmittance: SpectrumDescription::Constant(transmittance),
+        };
+        Self {
+            model: ShadingModel::TwoLayer,
+            albedo: SpectrumDescription::Constant(0.5),
+            epidermis: layer(0.15, 0.031, 20.0, 0.85),
+            spongy: layer(0.30, 0.05, 2.0, 0.45),
+            abaxial: SpectrumDescription::Constant(0.45),
+            anthocyanin_ug_per_cm2: 32.0,
+            anthocyanin_abaxial_ug_per_cm2: 20.0,
+        }
+    }
+}

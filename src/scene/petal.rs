@@ -1,0 +1,106 @@
+//! Petal files to petals: cells, layers and pigment become a [`CellPetal`].
+//!
+//! Model of the pigment (our reading): the layers' coefficients are those of colourless tissue, and light on
+//! its way through an epidermis loses by Beer-Lambert ([`crate::spectrum::pigment`]): the epidermis' own diffuse
+//! light crosses the upper one once, the spongy layer's light twice, transmitted light both epidermes once,
+//! light from the lower side the lower one twice; the epidermis' highlight comes from its outer wall, uncoloured.
+
+use std::sync::Arc;
+
+use super::assets::Assets;
+use super::color::reflectance;
+use super::description::{LayerDescription, PetalDescription, ShadingModel};
+use super::key::Key;
+use crate::Result;
+use crate::micro::CellField;
+use crate::micro::shading::{CellPetal, Layer};
+use crate::spectrum::Spectrum;
+use crate::spectrum::pigment::{MAX_UG_PER_CM2, anthocyanin_transmittance};
+
+/// Petals that come with the program: name and TOML text of a [`PetalDescription`].
+pub const PRESETS: &[(&str, &str)] = &[("thesis", include_str!("../../data/petals/thesis.toml"))];
+
+/// The TOML text of a petal that comes with the program.
+pub fn preset(name: &str) -> Option<&'static str> {
+    PRESETS.iter().find(|(n, _)| *n == name).map(|(_, text)| *text)
+}
+
+impl PetalDescription {
+    /// Checks and builds the petal. Errors name the key below `at` (empty for a petal file, `petal` in a scene).
+    pub fn compile(&self, at: &str, assets: &dyn Assets) -> Result<CellPetal> {
+        let root = |name: &str| if at.is_empty() { Key::new(name) } else { Key::new(at).at(name) };
+        root("samples").within(self.samples, 1..=1_000_000, "within 1 to 1000000")?;
+        let cells_key = root("cells");
+        self.cells.validate(&cells_key.to_string())?;
+        let cells = Arc::new(CellField::new(&self.cells)?);
+        let key = root("shading");
+        let shading = &self.shading;
+        if shading.model == ShadingModel::Lambert {
+            let albedo = reflectance(&shading.albedo, &key.at("albedo"), assets)?;
+            return key.at("albedo").name(CellPetal::lambert(cells, albedo));
+        }
+        let amount = |value: f64, name: &str| {
+            key.at(name).within(value, 0.0..=MAX_UG_PER_CM2, "within 0 to 1000 ug/cm2")
+        };
+        let upper = amount(shading.anthocyanin_ug_per_cm2, "anthocyanin_ug_per_cm2")?;
+        let lower = amount(shading.anthocyanin_abaxial_ug_per_cm2, "anthocyanin_abaxial_ug_per_cm2")?;
+        let (once, twice) = (anthocyanin_transmittance(upper, 1.0), anthocyanin_transmittance(upper, 2.0));
+        let through_lower = anthocyanin_transmittance(lower, 1.0);
+        let layer = |d: &LayerDescription, name: &str| -> Result<Layer> {
+            let key = key.at(name);
+            let share = |d, name: &str| reflectance(d, &key.at(name), assets);
+            Ok(Layer {
+                diffuse: share(&d.diffuse, "diffuse")?,
+                specular: share(&d.specular, "specular")?,
+                exponent: key.at("exponent").within(d.exponent, 0.0..=1e5, "within 0 to 1e5")? as f32,
+                transmittance: share(&d.transmittance, "transmittance")?,
+            })
+        };
+        let colour = |s: &Spectrum, by: &Spectrum| s.zip(by, |a, b| a * b);
+        let mut epidermis = layer(&shading.epidermis, "epidermis")?;
+        let mut spongy = layer(&shading.spongy, "spongy")?;
+        epidermis.diffuse = colour(&epidermis.diffuse, &once);
+        epidermis.transmittance = colour(&epidermis.transmittance, &once);
+        spongy.diffuse = colour(&spongy.diffuse, &twice);
+        spongy.specular = colour(&spongy.specular, &twice);
+        spongy.transmittance = colour(&spongy.transmittance, &through_lower);
+        let abaxial = reflectance(&shading.abaxial, &key.at("abaxial"), assets)?;
+        let abaxial = colour(&abaxial, &anthocyanin_transmittance(lower, 2.0));
+        key.under(CellPetal::new(cells, &epidermis, &spongy, abaxial))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::assets::MemoryAssets;
+    use crate::scene::load;
+
+    #[test]
+    fn thesis_preset_is_the_default() {
+        let d: PetalDescription = load(preset("thesis").unwrap(), "thesis", &[]).unwrap().value;
+        assert_eq!(d, PetalDescription::default());
+        assert!(preset("thesys").is_none());
+    }
+
+    #[test]
+    fn presets_compile() {
+        for (name, text) in PRESETS {
+            let d: PetalDescription = load(text, name, &[]).unwrap().value;
+            d.compile("", &MemoryAssets::default()).unwrap();
+        }
+    }
+
+    #[test]
+    fn energy_and_ranges_are_checked_by_key() {
+        let mut d = PetalDescription::default();
+        d.shading.spongy.diffuse = super::super::description::SpectrumDescription::Constant(0.9);
+        // Red light passes the pigment: there the sum exceeds one.
+        let e = d.compile("petal", &MemoryAssets::default()).unwrap_err().to_string();
+        assert!(e.starts_with("petal.shading.epidermis"), "{e}");
+        let mut d = PetalDescription::default();
+        d.shading.anthocyanin_ug_per_cm2 = -1.0;
+        let e = d.compile("", &MemoryAssets::default()).unwrap_err().to_string();
+        assert!(e.starts_with("shading.anthocyanin_ug_per_cm2"), "{e}");
+    }
+}
