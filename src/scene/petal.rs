@@ -78,7 +78,7 @@ mod tests {
 
     #[test]
     fn thesis_preset_is_the_default() {
-        let d: PetalDescription = load(preset("thesis").unwrap(), "thesis", &[]).unwrap().value;
+        let d: PetalDescription = load(preset("thesis").unwrap(), "thesis", &[]).unwrap().description;
         assert_eq!(d, PetalDescription::default());
         assert!(preset("thesys").is_none());
     }
@@ -86,7 +86,7 @@ mod tests {
     #[test]
     fn presets_compile() {
         for (name, text) in PRESETS {
-            let d: PetalDescription = load(text, name, &[]).unwrap().value;
+            let d: PetalDescription = load(text, name, &[]).unwrap().description;
             d.compile("", &MemoryAssets::default()).unwrap();
         }
     }
