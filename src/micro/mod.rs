@@ -26,6 +26,7 @@ pub mod lattice;
 pub mod dome;
 pub mod height_field;
 pub mod tile_mesh;
+pub mod shading;
 
 pub use description::CellDescription;
 pub use dome::{Dome, Profile};
