@@ -40,6 +40,11 @@ impl LiteralPhong {
         let sampling = PhongSampling::new(&diffuse, &specular, exponent)?;
         Ok(Self { diffuse, specular, sampling })
     }
+
+    /// kd.
+    pub fn diffuse(&self) -> &Spectrum {
+        &self.diffuse
+    }
 }
 
 impl Bsdf for LiteralPhong {

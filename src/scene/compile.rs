@@ -1,6 +1,7 @@
 //! A description to a [`Scene`]: everything is checked, grown, read and placed.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use glam::Vec3;
 
@@ -52,13 +53,13 @@ pub fn compile(description: &SceneDescription, assets: &dyn Assets) -> Result<Sc
     let assets = HashedAssets::new(assets, hash_of(description)?);
     check_film(&description.film)?;
     check_render(&description.render)?;
-    check_petal(&description.petal)?;
+    let petal = Arc::new(description.petal.compile("petal", &assets)?);
     let camera = camera(&description.camera, [description.film.width, description.film.height])?;
 
     let mut compiler =
         Compiler { materials: Vec::new(), ids: BTreeMap::new(), shapes: Vec::new(), emitters: Vec::new() };
     for (name, d) in &description.materials {
-        let material = Material::compile(d, &Key::new("materials").at(name), &assets)?;
+        let material = Material::compile(d, &petal, &Key::new("materials").at(name), &assets)?;
         compiler.ids.insert(name.clone(), compiler.materials.len() as u32);
         compiler.materials.push(material);
     }
@@ -198,12 +199,6 @@ fn check_render(render: &RenderDescription) -> Result<()> {
     key.at("spp").within(render.spp, 1.., "at least 1")?;
     key.at("max_depth").within(render.max_depth, 1..=100_000, "within 1 to 100000")?;
     Ok(())
-}
-
-fn check_petal(petal: &PetalDescription) -> Result<()> {
-    let key = Key::new("petal");
-    key.at("samples").within(petal.samples, 1..=1_000_000, "within 1 to 1000000")?;
-    petal.cells.validate("petal.cells")
 }
 
 fn camera(d: &CameraDescription, film_px: [u32; 2]) -> Result<Camera> {

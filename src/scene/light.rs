@@ -10,7 +10,7 @@ use super::description::{
 use super::emitter::{AreaEmitter, Emitter};
 use super::environment::Environment;
 use super::key::Key;
-use super::pending::io;
+use crate::io;
 use super::shape::{self, place};
 use crate::Result;
 use crate::geometry::Mesh;

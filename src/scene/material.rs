@@ -5,8 +5,14 @@ use super::color::{reflectance, reflectance_and_transmittance};
 use super::description::MaterialDescription;
 use super::key::Key;
 use crate::Result;
-use crate::bsdf::{DiffuseTransmission, Lambert, LiteralPhong, Phong};
-use crate::spectrum::Spectrum;
+use std::sync::Arc;
+
+use glam::Vec3;
+
+use crate::bsdf::{Bsdf, DiffuseTransmission, Lambert, LiteralPhong, Phong};
+use crate::geometry::Side;
+use crate::micro::shading::CellPetal;
+use crate::spectrum::{SampledSpectrum, SampledWavelengths, Spectrum};
 
 /// What a surface is made of. Closed, so that a hit is shaded without an indirect call.
 #[derive(Clone, Debug)]
@@ -20,7 +26,7 @@ pub enum Material {
     /// Diffuse reflection and transmission.
     Diffuse(DiffuseTransmission),
     /// The cells of the scene's petal.
-    Petal,
+    Petal(Arc<CellPetal>),
 }
 
 impl Material {
@@ -30,7 +36,12 @@ impl Material {
     }
 
     /// Checks and compiles a material.
-    pub(super) fn compile(d: &MaterialDescription, key: &Key, assets: &dyn Assets) -> Result<Self> {
+    pub(super) fn compile(
+        d: &MaterialDescription,
+        petal: &Arc<CellPetal>,
+        key: &Key,
+        assets: &dyn Assets,
+    ) -> Result<Self> {
         let spectrum = |d, name: &str| reflectance(d, &key.at(name), assets);
         Ok(match d {
             MaterialDescription::Lambert(m) => {
@@ -68,7 +79,48 @@ impl Material {
                 };
                 Material::Diffuse(key.under(DiffuseTransmission::new(adaxial, abaxial, t))?)
             }
-            MaterialDescription::Petal(_) => Material::Petal,
+            MaterialDescription::Petal(_) => Material::Petal(petal.clone()),
         })
+    }
+
+    /// The BSDF, where the material has one.
+    pub fn bsdf(&self) -> Option<&dyn Bsdf> {
+        match self {
+            Material::Lambert(m) => Some(m),
+            Material::Phong(m) => Some(m),
+            Material::LiteralPhong(m) => Some(m),
+            Material::Diffuse(m) => Some(m),
+            Material::Petal(_) => None,
+        }
+    }
+
+    /// The petal of cells, where the material is one.
+    pub fn petal(&self) -> Option<&CellPetal> {
+        match self {
+            Material::Petal(petal) => Some(petal),
+            _ => None,
+        }
+    }
+
+    /// Share of light that comes straight through the sheet.
+    pub fn transmittance(&self, lambda: &SampledWavelengths) -> SampledSpectrum {
+        match self {
+            Material::Diffuse(m) => m.transmittance().sample(lambda),
+            Material::Petal(m) => m.transmittance().sample(lambda),
+            _ => SampledSpectrum::ZERO,
+        }
+    }
+
+    /// Colour of the surface seen from the local direction `wo`, transmitted light included: a guide for
+    /// denoisers and masks, not for transport.
+    pub fn albedo(&self, wo: Vec3, lambda: &SampledWavelengths) -> SampledSpectrum {
+        let side = Side::of(wo);
+        match self {
+            Material::Lambert(m) => m.reflectance(side).sample(lambda),
+            Material::Phong(m) => m.diffuse().sample(lambda) + m.specular().sample(lambda),
+            Material::LiteralPhong(m) => m.diffuse().sample(lambda),
+            Material::Diffuse(m) => m.reflectance(side).sample(lambda) + m.transmittance().sample(lambda),
+            Material::Petal(m) => m.albedo(wo, lambda) + m.transmittance().sample(lambda),
+        }
     }
 }

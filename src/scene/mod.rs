@@ -16,14 +16,15 @@ pub mod camera;
 pub mod environment;
 pub mod emitter;
 pub mod material;
+pub mod petal;
 pub mod shape;
 pub mod compile;
+pub mod trace;
 
 mod color;
 mod hash;
 mod key;
 mod light;
-mod pending;
 
 #[cfg(test)]
 mod tests;

@@ -7,7 +7,7 @@ use glam::{DQuat, DVec3, Vec2, Vec3};
 use super::assets::Assets;
 use super::description::{Placement, ShapeDescription};
 use super::key::Key;
-use super::pending::io;
+use crate::io;
 use crate::Result;
 use crate::flower::{self, OrganKind};
 use crate::geometry::Mesh;

@@ -6,15 +6,15 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use glam::{UVec2, Vec2};
+use glam::{Mat3, UVec2, Vec2, Vec3};
 use rayon::prelude::*;
 
 use super::{Integrator, PixelRay};
-use crate::film::{Film, FilmSample, Filter, PixelRect};
+use crate::film::{Film, FilmSample, PixelRect};
 use crate::math::Sampler;
 use crate::scene::Scene;
-use crate::spectrum::color::Rgb;
-use crate::spectrum::{SampledWavelengths, Spectrum, illuminant::Illuminant};
+use crate::spectrum::illuminant::d65;
+use crate::spectrum::{Observer, SampledSpectrum, SampledWavelengths};
 use crate::{Error, Result};
 
 /// Most samples that one pass adds to a pixel: short passes answer Ctrl-C and show progress.
@@ -73,9 +73,9 @@ pub fn render(
     }
     let resolution = UVec2::new(scene.film.width, scene.film.height);
     let mut film = Film::new(resolution, settings.crop)?;
-    let filter = scene.film.filter()?;
-    let white = Illuminant::D65.spectrum()?;
-    let camera = CameraSamples { scene, integrator, filter: &filter, white: &white, resolution, seed: settings.seed };
+    let filter_radius_px = scene.film.filter_radius_px.map_or(scene.film.filter.default_radius_px(), |r| r as f32);
+    let srgb_from_xyz = Observer::Cie1931.srgb_from_xyz().as_mat3();
+    let camera = CameraSamples { scene, integrator, filter_radius_px, srgb_from_xyz, resolution, seed: settings.seed };
     let width = settings.crop.width() as usize;
     let total = u64::from(settings.spp) * film.pixels().len() as u64;
     let done = AtomicU64::new(0);
@@ -104,32 +104,37 @@ pub fn render(
 struct CameraSamples<'a> {
     scene: &'a Scene,
     integrator: &'a dyn Integrator,
-    filter: &'a Filter,
-    white: &'a Spectrum,
+    filter_radius_px: f32,
+    srgb_from_xyz: Mat3,
     resolution: UVec2,
     seed: u64,
 }
 
 impl CameraSamples<'_> {
+    /// Linear sRGB of radiance.
+    fn rgb(&self, radiance: &SampledSpectrum, lambda: &SampledWavelengths) -> [f32; 3] {
+        (self.srgb_from_xyz * Vec3::from(Observer::Cie1931.xyz_from_samples(radiance, lambda))).to_array()
+    }
+
     /// Sample `index` of a pixel; draws the dimensions before [`super::path::FIRST_DIMENSION`].
     fn sample(&self, pixel: UVec2, index: u32) -> FilmSample {
         let mut sampler = Sampler::new(self.seed, pixel, index);
-        let offset = self.filter.sample(sampler.next_2d());
+        let offset = self.scene.film.filter.sample_radius(sampler.next_2d(), self.filter_radius_px);
         let film = (pixel.as_vec2() + Vec2::splat(0.5) + offset.offset) / self.resolution.as_vec2();
         let camera = self.scene.camera.ray(film, sampler.next_2d());
         let lambda = SampledWavelengths::visible(sampler.next_1d());
         let ray = PixelRay { ray: camera.ray, spread: camera.spread };
         let light = self.integrator.li(self.scene, &ray, &lambda, &mut sampler);
         let mut sample = FilmSample {
-            direct: Rgb::from_samples(&light.direct, &lambda),
-            indirect: Rgb::from_samples(&light.indirect, &lambda),
+            direct: self.rgb(&light.direct, &lambda),
+            indirect: self.rgb(&light.indirect, &lambda),
             ..FilmSample::default()
         };
         if let Some(at) = &light.first {
             let shape = &self.scene.shapes[at.shape as usize];
             let wo = at.frame.to_local(-camera.ray.direction);
             let albedo = self.scene.materials[shape.material as usize].albedo(wo, &lambda);
-            sample.albedo = Rgb::from_samples(&(albedo * self.white.sample(&lambda)), &lambda);
+            sample.albedo = self.rgb(&(albedo * d65().sample(&lambda)), &lambda);
             sample.normal = at.frame.n;
             sample.depth_mm = at.t;
             sample.uv = at.uv;

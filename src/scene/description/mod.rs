@@ -10,6 +10,7 @@ mod color;
 mod film;
 mod light;
 mod material;
+mod petal;
 mod shape;
 
 use std::collections::BTreeMap;
@@ -17,11 +18,10 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::micro::CellDescription;
 
 pub use camera::{CameraDescription, CameraType};
 pub use color::{SpectrumDescription, SpectrumTable};
-pub use film::{FilmDescription, FilterName, ToneMapName};
+pub use film::FilmDescription;
 pub use light::{
     AreaLight, AreaShape, ConstantLight, DistantLight, EmissionDescription, ImageLight, LightDescription,
     PointLight,
@@ -29,6 +29,7 @@ pub use light::{
 pub use material::{
     DiffuseMaterial, LambertMaterial, LiteralPhongMaterial, MaterialDescription, PetalMaterial, PhongMaterial,
 };
+pub use petal::{LayerDescription, PetalDescription, ShadingDescription, ShadingModel};
 pub use shape::{
     DiscShape, MeshShape, Placement, QuadShape, RoseMaterials, RoseShape, ShapeDescription, SphereShape,
 };
@@ -86,28 +87,6 @@ pub struct RenderDescription {
 impl Default for RenderDescription {
     fn default() -> Self {
         Self { integrator: IntegratorName::Path, spp: 64, seed: 0, max_depth: 32, min_depth: 4 }
-    }
-}
-
-/// `[petal]`: the thesis' petal, whose light comes from points of its cells.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct PetalDescription {
-    /// Random points of the cells within the footprint that shade one hit: few look dull and broken, many
-    /// shiny and smooth. At least 1. Default 8.
-    pub samples: u32,
-    /// Cell lattice and domes.
-    pub cells: CellDescription,
-    /// Coefficients of the light that leaves each layer.
-    pub shading: ShadingDescription,
-}
-
-/// Placeholder until `micro` has its own.
-pub type ShadingDescription = BTreeMap<String, f64>;
-
-impl Default for PetalDescription {
-    fn default() -> Self {
-        Self { samples: 8, cells: CellDescription::default(), shading: ShadingDescription::default() }
     }
 }
 
