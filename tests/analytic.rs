@@ -15,7 +15,13 @@ fn scene(text: &str) -> Scene {
 }
 
 /// Mean and standard error of the light along rays from a point; grey scenes, so all lanes are alike.
-fn light(scene: &Scene, integrator: &dyn Integrator, eye: Vec3, ray: impl Fn(u32) -> Vec3, n: u32) -> Welford {
+fn light(
+    scene: &Scene,
+    integrator: &dyn Integrator,
+    eye: Vec3,
+    ray: impl Fn(u32) -> Vec3,
+    n: u32,
+) -> Welford {
     let mut mean = Welford::default();
     for i in 0..n {
         let mut sampler = Sampler::new(11, UVec2::ZERO, i);
@@ -210,7 +216,12 @@ fn raytrace_is_the_direct_light_of_path() {
     let path = light(&scene, &direct, eye, at, 40_000);
     let traced = light(&scene, &Raytrace, eye, at, 40_000);
     let error = path.standard_error().hypot(traced.standard_error());
-    assert!((path.mean() - traced.mean()).abs() < 3.0 * error, "{} {} +- {error}", path.mean(), traced.mean());
+    assert!(
+        (path.mean() - traced.mean()).abs() < 3.0 * error,
+        "{} {} +- {error}",
+        path.mean(),
+        traced.mean()
+    );
 }
 
 #[test]

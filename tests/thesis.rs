@@ -11,8 +11,8 @@ use rosarium::math::frame::spherical;
 use rosarium::math::stats::{Welford, sidak, z_test};
 use rosarium::micro::shading::{CellPetal, Footprint, Layer};
 use rosarium::micro::{CellDescription, CellField, Profile};
-use rosarium::scene::description::PetalDescription;
 use rosarium::scene::MemoryAssets;
+use rosarium::scene::description::PetalDescription;
 use rosarium::spectrum::{LANES, SampledWavelengths};
 use rosarium::validate;
 
@@ -25,8 +25,12 @@ fn compile(d: &PetalDescription) -> CellPetal {
 }
 
 fn measure(petal: &CellPetal, incident_deg: &[f64], rays: u64) -> GonioTable {
-    let instrument =
-        Goniophotometer { incident_deg: incident_deg.to_vec(), rays, bands_nm: vec![620.0], ..Default::default() };
+    let instrument = Goniophotometer {
+        incident_deg: incident_deg.to_vec(),
+        rays,
+        bands_nm: vec![620.0],
+        ..Default::default()
+    };
     instrument.measure(petal, &|_, _| ControlFlow::Continue(())).unwrap()
 }
 
@@ -67,11 +71,14 @@ fn petals_send_light_back_to_the_lamp_and_flat_phong_does_not() {
 
 #[test]
 fn retro_index_grows_with_incidence_for_every_profile() {
-    for profile in [Profile::Cosine, Profile::CosineInner, Profile::RaisedCosine, Profile::Paraboloid, Profile::Cone] {
+    for profile in
+        [Profile::Cosine, Profile::CosineInner, Profile::RaisedCosine, Profile::Paraboloid, Profile::Cone]
+    {
         let cells = CellField::new(&CellDescription { profile, ..CellDescription::default() }).unwrap();
         let petal = CellPetal::lambert(Arc::new(cells), 0.5.into()).unwrap();
         let table = measure(&petal, &[30.0, 60.0, 75.0], 100_000);
-        let index: Vec<f64> = table.summary().incidences.iter().map(|i| i.mean.retro_index.unwrap()).collect();
+        let index: Vec<f64> =
+            table.summary().incidences.iter().map(|i| i.mean.retro_index.unwrap()).collect();
         assert!(1.2 < index[0] && index[0] < index[1] && index[1] < index[2], "{profile:?} {index:?}");
     }
 }
@@ -90,7 +97,8 @@ fn white_domes_lose_no_light_and_grey_domes_trap_it() {
 #[test]
 fn energy_is_accounted_for_on_both_sides() {
     for side in [rosarium::geometry::Side::Adaxial, rosarium::geometry::Side::Abaxial] {
-        let instrument = Goniophotometer { rays: 50_000, side, bands_nm: vec![450.0, 550.0, 650.0], ..Default::default() };
+        let instrument =
+            Goniophotometer { rays: 50_000, side, bands_nm: vec![450.0, 550.0, 650.0], ..Default::default() };
         let table = instrument.measure(&compile(&thesis()), &|_, _| ControlFlow::Continue(())).unwrap();
         assert!(table.ledger_error() < 1e-9, "{}", table.ledger_error());
         for i in table.summary().incidences {
@@ -112,7 +120,10 @@ fn estimate_converges_to_the_table() {
     let grid = &table.grid;
     let mut tests = 0;
     let mut worst = f64::INFINITY;
-    let bins: Vec<usize> = (0..grid.len()).filter(|&b| grid.centre_deg(b).0 < 80.0 || grid.centre_deg(b).0 > 100.0).step_by(7).collect();
+    let bins: Vec<usize> = (0..grid.len())
+        .filter(|&b| grid.centre_deg(b).0 < 80.0 || grid.centre_deg(b).0 > 100.0)
+        .step_by(7)
+        .collect();
     for &bin in &bins {
         let (low, high) = grid.theta_limits_deg(bin);
         let (_, phi) = grid.centre_deg(bin);
@@ -164,10 +175,18 @@ fn estimate_is_reciprocal() {
 
 #[test]
 fn flat_cells_are_two_phongs() {
-    let cells = CellField::new(&CellDescription { profile: Profile::Flat, ..CellDescription::default() }).unwrap();
-    let layer = |kd: f32, ks: f32, exponent| Layer { diffuse: kd.into(), specular: ks.into(), exponent, transmittance: 0.5.into() };
-    let petal = CellPetal::new(Arc::new(cells), &layer(0.1, 0.2, 15.0), &layer(0.3, 0.1, 2.0), 0.4.into()).unwrap();
-    let (e, s) = (Phong::new(0.1.into(), 0.2.into(), 15.0).unwrap(), Phong::new(0.3.into(), 0.1.into(), 2.0).unwrap());
+    let cells =
+        CellField::new(&CellDescription { profile: Profile::Flat, ..CellDescription::default() }).unwrap();
+    let layer = |kd: f32, ks: f32, exponent| Layer {
+        diffuse: kd.into(),
+        specular: ks.into(),
+        exponent,
+        transmittance: 0.5.into(),
+    };
+    let petal =
+        CellPetal::new(Arc::new(cells), &layer(0.1, 0.2, 15.0), &layer(0.3, 0.1, 2.0), 0.4.into()).unwrap();
+    let (e, s) =
+        (Phong::new(0.1.into(), 0.2.into(), 15.0).unwrap(), Phong::new(0.3.into(), 0.1.into(), 2.0).unwrap());
     for i in 0..50 {
         let (wo, wi) = (spherical(0.03 * i as f32, 0.0), spherical(1.0, 0.3 * i as f32));
         let exact = (e.eval(wo, wi, &lambda()) + s.eval(wo, wi, &lambda()))[0];

@@ -109,9 +109,13 @@ impl CellPetal {
             })
         };
         for (name, layer) in [("epidermis", epidermis), ("spongy", spongy)] {
-            let (low, high) = (layer.transmittance.zip(&Spectrum::from(0.0), |t, _| -t).max(), layer.transmittance.max());
+            let (low, high) =
+                (layer.transmittance.zip(&Spectrum::from(0.0), |t, _| -t).max(), layer.transmittance.max());
             if !(low <= 0.0 && high <= 1.0) {
-                return Err(Error::invalid(format!("{name}.transmittance"), "a share of the light lies between 0 and 1"));
+                return Err(Error::invalid(
+                    format!("{name}.transmittance"),
+                    "a share of the light lies between 0 and 1",
+                ));
             }
         }
         let transmittance = epidermis.transmittance.zip(&spongy.transmittance, |a, b| a * b);
@@ -122,19 +126,24 @@ impl CellPetal {
         if upper.is_nan() || upper > 1.0 + 1e-5 {
             return Err(Error::invalid(
                 "epidermis",
-                format!("reflection of both layers and transmission sum to {upper} at some wavelength; at most 1 keeps the energy"),
+                format!(
+                    "reflection of both layers and transmission sum to {upper} at some wavelength; at most 1 keeps the energy"
+                ),
             ));
         }
         let lower = sum(&abaxial, &transmittance).max();
         if lower.is_nan() || lower > 1.0 + 1e-5 || abaxial.zip(&Spectrum::from(0.0), |a, _| -a).max() > 0.0 {
             return Err(Error::invalid(
                 "abaxial",
-                format!("reflection below and transmission sum to {lower} at some wavelength; they lie between 0 and 1"),
+                format!(
+                    "reflection below and transmission sum to {lower} at some wavelength; they lie between 0 and 1"
+                ),
             ));
         }
         let (e, s, t, b) = (e.mean(), s.mean(), transmittance.mean(), abaxial.mean());
         let share = |part: f32, whole: f32| if whole > 0.0 { part / whole } else { 0.0 };
-        let choose = Choose { epidermis: share(e, e + s + t), spongy: share(s, e + s + t), abaxial: share(b, b + t) };
+        let choose =
+            Choose { epidermis: share(e, e + s + t), spongy: share(s, e + s + t), abaxial: share(b, b + t) };
         Ok(Self {
             cells,
             epidermis: lobe(epidermis, "epidermis")?,
@@ -147,7 +156,8 @@ impl CellPetal {
 
     /// Domes of a single Lambertian surface over a black base: the simplest rough petal.
     pub fn lambert(cells: Arc<CellField>, albedo: Spectrum) -> Result<Self> {
-        let layer = |diffuse| Layer { diffuse, specular: 0.0.into(), exponent: 1.0, transmittance: 0.0.into() };
+        let layer =
+            |diffuse| Layer { diffuse, specular: 0.0.into(), exponent: 1.0, transmittance: 0.0.into() };
         Self::new(cells, &layer(albedo), &layer(0.0.into()), 0.0.into())
     }
 

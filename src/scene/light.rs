@@ -10,10 +10,10 @@ use super::description::{
 use super::emitter::{AreaEmitter, Emitter};
 use super::environment::Environment;
 use super::key::Key;
-use crate::io;
 use super::shape::{self, place};
 use crate::Result;
 use crate::geometry::Mesh;
+use crate::io;
 use crate::math::Frame;
 use crate::spectrum::Spectrum;
 

@@ -7,10 +7,10 @@ use glam::{DQuat, DVec3, Vec2, Vec3};
 use super::assets::Assets;
 use super::description::{Placement, ShapeDescription};
 use super::key::Key;
-use crate::io;
 use crate::Result;
 use crate::flower::{self, OrganKind};
 use crate::geometry::Mesh;
+use crate::io;
 
 /// A mesh of the scene with what it is.
 #[derive(Clone, Debug)]

@@ -41,5 +41,11 @@ pub struct Incident {
 /// A way to estimate the light along a camera ray.
 pub trait Integrator: Sync {
     /// Radiance that arrives along `ray` at the wavelengths `lambda`.
-    fn li(&self, scene: &Scene, ray: &PixelRay, lambda: &SampledWavelengths, sampler: &mut Sampler) -> Incident;
+    fn li(
+        &self,
+        scene: &Scene,
+        ray: &PixelRay,
+        lambda: &SampledWavelengths,
+        sampler: &mut Sampler,
+    ) -> Incident;
 }

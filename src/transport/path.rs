@@ -60,7 +60,13 @@ impl Came {
 }
 
 impl Integrator for Path {
-    fn li(&self, scene: &Scene, pixel: &PixelRay, lambda: &SampledWavelengths, sampler: &mut Sampler) -> Incident {
+    fn li(
+        &self,
+        scene: &Scene,
+        pixel: &PixelRay,
+        lambda: &SampledWavelengths,
+        sampler: &mut Sampler,
+    ) -> Incident {
         let mut result = Incident::default();
         let mut ray = pixel.ray;
         let mut throughput = SampledSpectrum::ONE;

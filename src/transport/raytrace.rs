@@ -19,7 +19,13 @@ use crate::spectrum::SampledWavelengths;
 pub struct Raytrace;
 
 impl Integrator for Raytrace {
-    fn li(&self, scene: &Scene, pixel: &PixelRay, lambda: &SampledWavelengths, sampler: &mut Sampler) -> Incident {
+    fn li(
+        &self,
+        scene: &Scene,
+        pixel: &PixelRay,
+        lambda: &SampledWavelengths,
+        sampler: &mut Sampler,
+    ) -> Incident {
         let mut result = Incident::default();
         let ray = pixel.ray;
         let Some(at) = scene.intersect(&ray) else {

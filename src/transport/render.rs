@@ -73,9 +73,11 @@ pub fn render(
     }
     let resolution = UVec2::new(scene.film.width, scene.film.height);
     let mut film = Film::new(resolution, settings.crop)?;
-    let filter_radius_px = scene.film.filter_radius_px.map_or(scene.film.filter.default_radius_px(), |r| r as f32);
+    let filter_radius_px =
+        scene.film.filter_radius_px.map_or(scene.film.filter.default_radius_px(), |r| r as f32);
     let srgb_from_xyz = Observer::Cie1931.srgb_from_xyz().as_mat3();
-    let camera = CameraSamples { scene, integrator, filter_radius_px, srgb_from_xyz, resolution, seed: settings.seed };
+    let camera =
+        CameraSamples { scene, integrator, filter_radius_px, srgb_from_xyz, resolution, seed: settings.seed };
     let width = settings.crop.width() as usize;
     let total = u64::from(settings.spp) * film.pixels().len() as u64;
     let done = AtomicU64::new(0);

@@ -33,7 +33,13 @@ pub(super) struct Next {
 
 impl<'a> Shading<'a> {
     /// `pixel` is given for what the camera sees directly; `points` cells shade it.
-    pub(super) fn new(scene: &'a Scene, at: Interaction, wo: Vec3, pixel: Option<&PixelRay>, points: u32) -> Self {
+    pub(super) fn new(
+        scene: &'a Scene,
+        at: Interaction,
+        wo: Vec3,
+        pixel: Option<&PixelRay>,
+        points: u32,
+    ) -> Self {
         let material = &scene.materials[scene.shapes[at.shape as usize].material as usize];
         let footprint = match pixel {
             Some(pixel) if at.uv_scale_mm != glam::Vec2::ZERO => {

@@ -18,7 +18,6 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-
 pub use camera::{CameraDescription, CameraType};
 pub use color::{SpectrumDescription, SpectrumTable};
 pub use film::FilmDescription;
