@@ -141,7 +141,7 @@ pub struct PlaneScan {
 
 impl Default for PlaneScan {
     fn default() -> Self {
-        Self { step_deg: 2.0, half_width_deg: 5.0 }
+        Self { step_deg: 2.5, half_width_deg: 6.0 }
     }
 }
 
@@ -254,15 +254,15 @@ mod tests {
         for bin in 0..s.len() {
             let a = s.centre_deg(bin).to_radians() as f32;
             assert_eq!(s.bin(Vec3::new(a.sin(), 0.0, a.cos())), Some(bin));
-            assert_eq!(s.bin(Vec3::new(0.99 * a.sin(), 0.12, 0.99 * a.cos())), None);
+            assert_eq!(s.bin(Vec3::new(0.99 * a.sin(), 0.13, 0.99 * a.cos())), None);
         }
         // The horizon and the poles belong to a definite side.
         let half = g.len() / 2;
         assert!(g.bin(Vec3::X) < half && g.bin(Vec3::new(-1.0, 0.0, -0.0)) < half);
         assert!(g.bin(Vec3::new(1.0, 0.0, -1e-9)) >= half && g.bin(-Vec3::Z) < g.len());
-        assert_eq!(s.centre_deg(s.bin(Vec3::X).unwrap()), 89.0);
-        assert_eq!(s.centre_deg(s.bin(-Vec3::X).unwrap()), -89.0);
-        assert_eq!(s.centre_deg(s.bin(Vec3::new(-1.0, 0.0, -1e-9)).unwrap()), -91.0);
+        assert_eq!(s.centre_deg(s.bin(Vec3::X).unwrap()), 88.75);
+        assert_eq!(s.centre_deg(s.bin(-Vec3::X).unwrap()), -88.75);
+        assert_eq!(s.centre_deg(s.bin(Vec3::new(-1.0, 0.0, -1e-9)).unwrap()), -91.25);
         assert!(s.bin(-Vec3::Z).is_some());
     }
 

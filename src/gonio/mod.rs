@@ -13,6 +13,7 @@
 pub mod grid;
 pub mod retro;
 pub mod table;
+mod counters;
 pub mod goniophotometer;
 
 pub use goniophotometer::Goniophotometer;

@@ -202,7 +202,7 @@ impl GonioTable {
         let phis = self.grid.phis();
         // Azimuth 180 is a bin's centre only where the number of azimuths is even.
         let columns = [(0, 1.0), (phis / 2, -1.0)];
-        let mut curve: Vec<_> = columns[..if phis % 2 == 0 { 2 } else { 1 }]
+        let mut curve: Vec<_> = columns[..if phis.is_multiple_of(2) { 2 } else { 1 }]
             .iter()
             .flat_map(|&(column, sign)| (0..self.grid.thetas()).map(move |row| (row * phis + column, sign)))
             .filter_map(|(bin, sign)| {
