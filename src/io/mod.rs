@@ -10,6 +10,8 @@ pub mod image;
 pub mod ply;
 pub mod obj;
 pub mod gltf;
+pub mod gonio_csv;
+pub mod lobe_plot;
 
 pub use image::Image;
 
