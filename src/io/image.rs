@@ -8,7 +8,7 @@ use std::io::Cursor;
 use ::image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
 use super::{check_pixels, exr, invalid};
-use crate::film::tonemap::linear_from_srgb;
+use crate::spectrum::color::srgb_decode;
 use crate::{Error, Result};
 
 /// Largest picture that is read unless told otherwise: 8192 x 8192, 768 MiB.
@@ -56,11 +56,11 @@ pub fn read(bytes: &[u8], max_pixels: u64) -> Result<Image> {
         | DynamicImage::ImageLumaA16(_)
         | DynamicImage::ImageRgb16(_)
         | DynamicImage::ImageRgba16(_) => {
-            let decode = |v: u16| linear_from_srgb(f32::from(v) / 65535.0);
+            let decode = |v: u16| srgb_decode(f32::from(v) / 65535.0);
             picture.into_rgb16().pixels().map(|p| p.0.map(decode)).collect()
         }
         _ => {
-            let table: [f32; 256] = std::array::from_fn(|i| linear_from_srgb(i as f32 / 255.0));
+            let table: [f32; 256] = std::array::from_fn(|i| srgb_decode(i as f32 / 255.0));
             picture.into_rgb8().pixels().map(|p| p.0.map(|v| table[usize::from(v)])).collect()
         }
     };
@@ -104,13 +104,13 @@ mod tests {
         }
         let picture = read(&jpeg(), 1000).unwrap();
         assert_eq!((picture.width, picture.height), (17, 11));
-        let expected = [200.0, 100.0, 50.0].map(|v: f32| linear_from_srgb(v / 255.0));
+        let expected = [200.0, 100.0, 50.0].map(|v: f32| srgb_decode(v / 255.0));
         assert!(picture.rgb.iter().all(|p| (0..3).all(|c| (p[c] - expected[c]).abs() < 0.02)));
 
         let mut grey = Vec::new();
         let source = GrayImage::from_fn(5, 2, |x, _| [x as u8 * 50].into());
         source.write_to(&mut Cursor::new(&mut grey), ImageFormat::Png).unwrap();
-        assert_eq!(read(&grey, 100).unwrap().rgb[7], [linear_from_srgb(100.0 / 255.0); 3]);
+        assert_eq!(read(&grey, 100).unwrap().rgb[7], [srgb_decode(100.0 / 255.0); 3]);
     }
 
     #[test]
