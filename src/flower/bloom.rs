@@ -35,9 +35,9 @@ use crate::flower::rose::{check, check_unit_open};
 pub struct BloomDescription {
     /// Attitude of the innermost petals, deg; negative leans over the centre (default -14).
     pub inner_deg: f64,
-    /// Attitude of the outermost petals, deg (default 75).
+    /// Attitude of the outermost petals, deg (default 80).
     pub outer_deg: f64,
-    /// How late the flower opens on the way out: 1 = evenly, larger = a larger closed centre (default 2).
+    /// How late the flower opens on the way out: 1 = evenly, larger = a larger closed centre (default 2.4).
     pub power: f64,
     /// Attitude at the base of the innermost petals, deg (default 22).
     pub base_inner_deg: f64,
@@ -45,11 +45,11 @@ pub struct BloomDescription {
     pub base_outer_deg: f64,
     /// Part of the length over which the attitude at the base turns into the one of the blade (default 0.6).
     pub claw: f64,
-    /// Bending back of the innermost rims, deg (default 16).
+    /// Bending back of the innermost rims, deg (default 26).
     pub reflex_inner_deg: f64,
-    /// Bending back of the outermost rims, deg (default 62).
+    /// Bending back of the outermost rims, deg (default 78).
     pub reflex_outer_deg: f64,
-    /// Part of the length where the bending back starts (default 0.55).
+    /// Part of the length where the bending back starts (default 0.54).
     pub hinge: f64,
     /// Radius of the roll that the innermost petal forms, mm (default 1.6).
     pub heart_radius_mm: f64,
@@ -62,14 +62,14 @@ impl Default for BloomDescription {
     fn default() -> Self {
         Self {
             inner_deg: -14.0,
-            outer_deg: 75.0,
-            power: 2.0,
+            outer_deg: 80.0,
+            power: 2.4,
             base_inner_deg: 22.0,
             base_outer_deg: 88.0,
             claw: 0.6,
-            reflex_inner_deg: 16.0,
-            reflex_outer_deg: 62.0,
-            hinge: 0.55,
+            reflex_inner_deg: 26.0,
+            reflex_outer_deg: 78.0,
+            hinge: 0.54,
             heart_radius_mm: 1.6,
             overlap: 0.16,
         }
@@ -129,7 +129,8 @@ impl Bloom {
     ) -> Self {
         Self {
             form: form.clone(),
-            layers: f64::from(petals.max(1)),
+            // The innermost petal lies on layer 2, so that its inner margin finds layers inside.
+            layers: f64::from(petals.max(1)) + 1.0,
             inner_length_mm,
             length_mm,
             receptacle_radius_mm,
@@ -213,7 +214,8 @@ impl Bloom {
     /// petal), 85 (second) and 52.5 deg (third) away: the wider a petal, the nearer the layer that it meets.
     pub fn clearance_mm(&self, layer: f64, s_mm: f64, width_mm: f64) -> f64 {
         let m = self.meridian(layer, s_mm);
-        let width_deg = (width_mm / m.r_mm).to_degrees();
+        // Neighbours may be wider by a tenth and stand nearer by twice the usual jitter.
+        let width_deg = 1.1 * (width_mm / m.r_mm).to_degrees() + 8.0;
         let steps = if width_deg > 137.5 {
             0.6
         } else if width_deg > 85.0 {

@@ -11,8 +11,8 @@
 //! counter-clockwise seen from there, and its texture coordinates are its flat shape, undistorted.
 //!
 //! How petals keep out of each other's way: they lie on a family of nested cups ([`bloom`]), each petal on
-//! its own. What is added to a petal alone (its rolled rim, its ruffle) is smaller than the gap to the next
-//! petal at the same azimuth, apart from the outermost rims. Guarded by `few_petals_cross`.
+//! its own, and what a petal adds to its cup (cup, ruffle, rolled rim) keeps to its share of the space to the
+//! next petal at the same azimuth. Guarded by `few_petals_cross`.
 
 pub mod bloom;
 pub mod petal;

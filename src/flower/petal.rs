@@ -6,9 +6,10 @@
 //! 2. [`PetalSurface::wrap`]: the flat petal -> its cup of the [`Bloom`]. The cup is treated as the cone that
 //!    touches it in the middle of the blade, on which the flat petal is rolled without stretching:
 //!    s' = |(x, s + s0)| - s0, arc = (s' + s0) atan(x / (s + s0)), azimuth = arc / r(s'). Then cup and ruffle
-//!    displace it along its normal;
+//!    displace it along its normal, within the petal's share of the space to its neighbours;
 //! 3. [`PetalSurface::roll`]: a margin within `width` of the rim bends back about the rim's direction by
-//!    phi(q) = roll (1 - q / width)^2, q the distance to the rim: arc length is kept.
+//!    phi(q) = roll (1 - q / width)^2, q the distance to the rim, arc length kept; it stands off the cup by at
+//!    most the space before the next petal.
 //!
 //! | symbol | field | unit | default |
 //! |---|---|---|---|
@@ -16,9 +17,9 @@
 //! | roll, its width | `roll_deg`, `roll_width_mm` | deg, mm | |
 //! | cup, ruffle | `cup_mm`, `ruffle_mm` | mm | |
 //!
-//! Limits: without cup, ruffle and roll the petal lies on its cup (`a_plain_petal_lies_on_its_cup`); the roll
-//! keeps lengths (`bending_nearly_keeps_area`). Our reading; the shape of a hybrid tea's petals is described, not
-//! measured, in the literature.
+//! Limits: without cup, ruffle and roll the middle of the petal lies on its cup
+//! (`a_plain_petal_lies_on_its_cup`); wrapping keeps its area within 15 %, rolling within 12 %
+//! (`bending_nearly_keeps_area`). Our reading: no measured shape of a hybrid tea's petal is used.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -79,6 +80,9 @@ pub struct PetalSurface<'a> {
 const RIM_SPAN: f64 = 0.95 * FRAC_PI_2;
 /// Arc steps of a rolled margin.
 const ROLL_STEPS: usize = 8;
+/// Parts of the space between two petals that the inner one may use outwards and the outer one inwards.
+pub(crate) const SPACE_OUTSIDE: f64 = 0.7;
+const SPACE_INSIDE: f64 = 0.2;
 
 impl<'a> PetalSurface<'a> {
     /// A petal with these traits in this flower.
@@ -135,6 +139,12 @@ impl<'a> PetalSurface<'a> {
 
     /// Map 2: the flat petal on its cup.
     pub fn wrap(&self, p: DVec2) -> DVec3 {
+        self.wrap_off(p, 0.0)
+    }
+
+    /// Map 2 with a distance `off_mm` to the abaxial side. What stands off the cup is limited softly to the
+    /// petal's share of the space there.
+    fn wrap_off(&self, p: DVec2, off_mm: f64) -> DVec3 {
         let f = &self.form;
         let from_apex = DVec2::new(p.x, p.y + self.apex_mm);
         let s = from_apex.length() - self.apex_mm;
@@ -143,16 +153,19 @@ impl<'a> PetalSurface<'a> {
         // layer that the resulting angle climbs to.
         let radius = self.bloom.meridian(f.layer, s).r_mm;
         let turn = arc / radius;
-        let m = self.bloom.meridian(f.layer + self.bloom.overlap() * turn, s);
+        let layer = f.layer + self.bloom.overlap() * turn;
+        let m = self.bloom.meridian(layer, s);
         let out = 2.0 * p.x / f.width_mm;
         let along = (p.y / f.length_mm).clamp(0.0, 1.2);
         let wave = (f.ruffle_waves * std::f64::consts::PI * out + f.ruffle_phase).sin();
         let lift = f.cup_mm * out * out * (FRAC_PI_2 * along).sin()
-            + f.ruffle_mm * wave * smooth_step(0.3, 1.0, along.max(out.abs() * 0.8));
+            + f.ruffle_mm * wave * smooth_step(0.3, 1.0, along.max(out.abs() * 0.8))
+            - off_mm;
+        let space = self.bloom.clearance_mm(layer, s, f.width_mm) + 1e-6;
+        let lift = soft_limit(lift, space * if lift < 0.0 { SPACE_OUTSIDE } else { SPACE_INSIDE });
         let (sin, cos) = m.heading.sin_cos();
         let r = m.r_mm - lift * cos;
-        let azimuth = f.azimuth_deg.to_radians() + turn;
-        self.bloom.place(r, azimuth, m.z_mm + lift * sin)
+        self.bloom.place(r, f.azimuth_deg.to_radians() + turn, m.z_mm + lift * sin)
     }
 
     /// Map 3: the margin rolled back.
@@ -162,14 +175,6 @@ impl<'a> PetalSurface<'a> {
         if q >= width || roll.abs() < 1e-9 {
             return self.wrap(p);
         }
-        // The point where rolling starts, and the local frame there.
-        let from = p - normal * (width - q);
-        let base = self.wrap(from);
-        let step = 0.05;
-        let along = (self.wrap(from + normal * step) - self.wrap(from - normal * step)).normalize_or_zero();
-        let side = DVec2::new(-normal.y, normal.x);
-        let across = (self.wrap(from + side * step) - self.wrap(from - side * step)).normalize_or_zero();
-        let adaxial = across.cross(along).normalize_or_zero();
         let travel = width - q;
         let (mut forward, mut down) = (0.0, 0.0);
         for k in 0..ROLL_STEPS {
@@ -178,8 +183,8 @@ impl<'a> PetalSurface<'a> {
             forward += phi.cos();
             down += phi.sin();
         }
-        let h = travel / ROLL_STEPS as f64;
-        base + along * forward * h + adaxial * down * h * -1.0
+        let step = travel / ROLL_STEPS as f64;
+        self.wrap_off(p + normal * (forward * step - travel), down * step)
     }
 
     /// Smooth distance to the rim, its outward normal and turn nearby.
@@ -212,6 +217,11 @@ impl Sheet for PetalSurface<'_> {
     fn uv_scale_mm(&self) -> [f32; 2] {
         [self.form.width_mm as f32, (self.form.length_mm + self.form.tip_mm.max(0.0)) as f32]
     }
+}
+
+/// `x` for small values, at most `limit` in size.
+fn soft_limit(x: f64, limit: f64) -> f64 {
+    x / (1.0 + (x / limit).powi(4)).powf(0.25)
 }
 
 fn smooth_step(low: f64, high: f64, x: f64) -> f64 {
@@ -280,7 +290,8 @@ mod tests {
         let rolled = f64::from(area(PetalForm { roll_deg: [100.0, 60.0, 100.0], ..plain() }, &bloom));
         // A doubly curved cup must stretch a flat petal; living petals grow to it.
         assert!((wrapped / flat - 1.0).abs() < 0.15, "{wrapped} {flat}");
-        assert!((rolled / wrapped - 1.0).abs() < 0.06, "{rolled} {wrapped}");
+        // Where the next petal stops the roll, its margin is pressed flat and loses some length.
+        assert!((rolled / wrapped - 1.0).abs() < 0.12, "{rolled} {wrapped}");
     }
 
     #[test]

@@ -1,8 +1,8 @@
 //! A sepal: a narrow pointed sheet under the petals, bent back when the flower is open.
 //!
-//! Model: half width(v) = width/2 sin(pi v^0.6)^0.8-like lance shape; the midline starts at the receptacle's
-//! edge with the angle `start` from the axis and bends at a constant rate to `end`; across, the sepal is a
-//! shallow trough.
+//! Model: half width(v) = width/2 (1 - v)^0.9 min(1.2, 0.55 + 1.9 v - 0.855 v^2), a lance with a broad base;
+//! the midline starts at the receptacle's edge with the angle `start` from the axis and bends at a constant
+//! rate to `end`; across, the sepal is a shallow trough.
 //!
 //! Sizes: five sepals, 2-4 cm long in hybrid teas (our reading).
 
