@@ -45,7 +45,7 @@ pub struct BloomDescription {
     pub base_outer_deg: f64,
     /// Part of the length over which the attitude at the base turns into the one of the blade (default 0.6).
     pub claw: f64,
-    /// Bending back of the innermost rims, deg (default 26).
+    /// Bending back of the innermost rims, deg (default 6).
     pub reflex_inner_deg: f64,
     /// Bending back of the outermost rims, deg (default 78).
     pub reflex_outer_deg: f64,
@@ -67,7 +67,7 @@ impl Default for BloomDescription {
             base_inner_deg: 22.0,
             base_outer_deg: 88.0,
             claw: 0.6,
-            reflex_inner_deg: 26.0,
+            reflex_inner_deg: 6.0,
             reflex_outer_deg: 78.0,
             hinge: 0.54,
             heart_radius_mm: 1.6,
@@ -178,7 +178,7 @@ impl Bloom {
         let sigma = s_mm / self.length_mm(age);
         let opening = ramp(f.inner_deg, f.outer_deg, f.power);
         let base = ramp(f.base_inner_deg, f.base_outer_deg, 0.55);
-        let reflex = ramp(f.reflex_inner_deg, f.reflex_outer_deg, 0.75);
+        let reflex = ramp(f.reflex_inner_deg, f.reflex_outer_deg, 0.55);
         let cup = (1.0 - sigma / f.claw).max(0.0);
         let back = ((sigma - f.hinge) / (1.0 - f.hinge)).max(0.0);
         (opening + (base - opening) * cup * cup + reflex * back.powf(1.6)).to_radians()
