@@ -17,7 +17,7 @@
 //! zero of the cosine lies at the cell's corner, so that domes meet in valleys and no base plane shows; the
 //! other profiles are our reading of published cell shapes (`papilla` of "blunt"). Limits: every profile
 //! falls monotonically (`monotone_and_zero_at_the_rim`); the convexity that the ray search relies on is
-//! guarded by `curvature_bound_holds`.
+//! guarded by `curvature_bound_holds` and `enclosures_enclose`.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -84,6 +84,14 @@ impl Profile {
         }
     }
 
+    /// A factor k with h/H <= k (1 - u) for every u in [0, 1]: the paraboloid that encloses the dome.
+    pub(crate) fn enclosure(self) -> f64 {
+        match self {
+            Profile::Papilla => 2.0,
+            _ => 1.0,
+        }
+    }
+
     /// Largest positive second derivative of h(r)/H over r/R in [0, 1]: 0 for a concave dome.
     pub(crate) fn curvature_bound(self) -> f64 {
         match self {
@@ -93,31 +101,28 @@ impl Profile {
     }
 }
 
-/// cos(pi/2 sqrt(u)) and its derivative in u, for u in [0, 1], by its Taylor series, which has only whole
-/// powers of u. The first term left out is below 2e-17.
+/// cos(pi/2 sqrt(u)) and its derivative in u, for u in [0, 1]: the cosine is even, so in u it is entire and a
+/// polynomial of degree 8 (best approximation on the interval) is within 4e-18 of it.
 #[inline]
 fn cosine_of_square(u: f64) -> (f64, f64) {
-    // (-1)^k (pi/2)^2k / (2k)!
-    const C: [f64; 11] = [
+    const C: [f64; 9] = [
         1.0,
-        -1.233_700_550_136_169_8,
-        0.253_669_507_901_048_03,
-        -2.086_348_076_335_296e-2,
-        9.192_602_748_394_266e-4,
-        -2.520_204_237_306_060_7e-5,
-        4.710_874_778_818_172e-7,
-        -6.386_603_083_791_852e-9,
-        6.565_963_114_979_473e-11,
-        -5.294_400_200_734_623e-13,
-        3.437_739_179_098_607e-15,
+        -1.233_700_550_136_169,
+        0.253_669_507_901_031_04,
+        -2.086_348_076_317_886e-2,
+        9.192_602_739_434_877e-4,
+        -2.520_203_978_222_871_3e-5,
+        4.710_830_743_363_557_7e-7,
+        -6.382_235_924_529_259e-9,
+        6.331_732_717_807_9e-11,
     ];
-    let mut c = C[10];
-    let mut dc = 0.0;
-    for k in (0..10).rev() {
-        dc = dc * u + c;
-        c = c * u + C[k];
-    }
-    (c, dc)
+    // Even and odd powers apart: four short chains that the processor runs side by side.
+    let v = u * u;
+    let even = C[0] + v * (C[2] + v * (C[4] + v * (C[6] + v * C[8])));
+    let odd = C[1] + v * (C[3] + v * (C[5] + v * C[7]));
+    let even_slope = 2.0 * C[2] + v * (4.0 * C[4] + v * (6.0 * C[6] + v * (8.0 * C[8])));
+    let odd_slope = C[1] + v * (3.0 * C[3] + v * (5.0 * C[5] + v * (7.0 * C[7])));
+    (even + u * odd, odd_slope + u * even_slope)
 }
 
 /// One cell's dome: a profile with its two lengths.
@@ -206,6 +211,16 @@ mod tests {
                 let r = dome.radius_um * f64::from(i) / 1000.0;
                 assert!(dome.height_at_um(r + 0.01) <= dome.height_at_um(r));
                 assert!(dome.slope_at(r) <= 0.0);
+            }
+        }
+    }
+
+    #[test]
+    fn enclosures_enclose() {
+        for profile in Profile::ALL {
+            for i in 0..=10_000 {
+                let u = f64::from(i) / 10_000.0;
+                assert!(profile.at_square(u).0 <= profile.enclosure() * (1.0 - u) + 1e-15, "{profile:?} {u}");
             }
         }
     }

@@ -12,7 +12,8 @@
 //! u(t) = r^2/R^2 is a parabola, and the gap g(t) = z(t) - h(r(t)) has g'' >= -K, where K is zero for a
 //! concave dome. So from any point with g > 0 no hit is nearer than the root of
 //! g + g' x - K x^2/2: stepping from root to root never passes the first hit, and near it the steps become
-//! Newton's. No step length is chosen, nothing is missed.
+//! Newton's. The first step starts where the ray enters a paraboloid that encloses the dome. No step length is
+//! chosen, nothing is missed.
 //!
 //! Limits: g is solved to 1e-11 um (`agrees_with_brute_force`, `hits_lie_on_the_surface`). A ray that stays
 //! among the domes for [`MAX_CELLS`] cells, as only one nearly parallel to the base can, is said to miss
@@ -72,7 +73,7 @@ struct Place {
     site: DVec2,
 }
 
-/// One cell, as the ray search reads it: one cache line and a half.
+/// One cell, as the ray search reads it: one cache line.
 #[derive(Clone, Copy, Debug)]
 struct Cell {
     site: DVec2,
@@ -106,6 +107,8 @@ pub struct CellField {
     description: CellDescription,
     lattice: Lattice,
     profile: Profile,
+    /// Height of the enclosing paraboloid over the dome's.
+    top: f64,
     cells: Vec<Cell>,
     edges: Vec<Edge>,
     bins: Vec<Bin>,
@@ -163,6 +166,7 @@ impl CellField {
             description: description.clone(),
             lattice,
             profile,
+            top: profile.enclosure(),
             cells,
             edges,
             bins: Vec::new(),
@@ -235,7 +239,7 @@ impl CellField {
     pub fn height_in_cell_um(&self, cell: u32, offset_um: DVec2) -> f64 {
         let cell = &self.cells[cell as usize];
         let down =
-            self.cross_dome(cell, offset_um.extend(self.max_height), DVec3::NEG_Z, self.max_height, 0.0);
+            self.cross_dome(cell, offset_um.extend(self.max_height), DVec3::NEG_Z, self.max_height, START_UM);
         match down {
             InCell::Hit(t) => (self.max_height - t).max(0.0),
             InCell::Miss | InCell::Under => 0.0,
@@ -322,14 +326,15 @@ impl CellField {
             // From the point of entry, so that a long way here does not cost digits.
             let entry = origin + direction * t_in;
             let q = entry.truncate() - place.site;
-            let mut stay = f64::INFINITY;
-            let mut exit = None;
-            for edge in self.edges_of(cell) {
+            let (mut stay, mut exit) = (f64::INFINITY, usize::MAX);
+            let edges = self.edges_of(cell);
+            for (k, edge) in edges.iter().enumerate() {
+                // Without branches: which sides a ray runs towards cannot be predicted.
                 let toward = d.dot(edge.delta);
                 if toward > 0.0 {
                     let t = (edge.half - q.dot(edge.delta)) / toward;
                     if t < stay {
-                        (stay, exit) = (t, Some(edge));
+                        (stay, exit) = (t, k);
                     }
                 }
             }
@@ -347,7 +352,7 @@ impl CellField {
             if t_base <= t_out && t_base.is_finite() {
                 return Some(Found { t: t_base, kind: HitKind::Base, solid: place, air: place });
             }
-            let edge = exit?;
+            let edge = edges.get(exit)?;
             if t_out >= t_top {
                 return None;
             }
@@ -366,32 +371,22 @@ impl CellField {
         if cell.height <= 0.0 {
             return InCell::Miss;
         }
-        // Below the top of the dome.
-        let (mut low, mut high) = (0.0f64, t_out);
-        if direction.z < 0.0 {
-            low = low.max((cell.height - origin.z) / direction.z);
-        } else if direction.z > 0.0 {
-            high = high.min((cell.height - origin.z) / direction.z);
-        } else if origin.z >= cell.height {
-            return InCell::Miss;
-        }
-        if low > high {
-            return InCell::Miss;
-        }
-        // Over the base: u(t) = a t^2 + 2 b t + c < 1 in the sheared frame.
+        // u(t) = a t^2 + 2 b t + c in the sheared frame.
         let inv = cell.inv_radius_squared;
         let q = origin.truncate() - cell.tilt * origin.z;
         let d = direction.truncate() - cell.tilt * direction.z;
         let (a, b, c) = (d.length_squared() * inv, q.dot(d) * inv, q.length_squared() * inv);
-        let discriminant = b * b - a * (c - 1.0);
-        if discriminant <= 0.0 && c >= 1.0 {
+        // The part of the ray under the enclosing paraboloid z = top (1 - u), which over z = 0 has u <= 1.
+        let (top, z_half) = (self.top * cell.height, 0.5 * direction.z);
+        let (pa, pb, pc) = (top * a, top * b + z_half, origin.z - top * (1.0 - c));
+        let discriminant = pb * pb - pa * pc;
+        if discriminant < 0.0 {
             return InCell::Miss;
         }
-        if a > 0.0 {
-            let root = discriminant.max(0.0).sqrt();
-            low = low.max((-b - root) / a);
-            high = high.min((-b + root) / a);
-        }
+        let root = -(pb + discriminant.sqrt().copysign(pb));
+        let (one, two) = (root / pa, pc / root);
+        let low = one.min(two).max(0.0);
+        let high = one.max(two).min(t_out);
         if low > high {
             return InCell::Miss;
         }
