@@ -80,14 +80,6 @@ impl Key {
         })
     }
 
-    /// Gives the error of reading the file `path` to this key, which names that file.
-    pub(super) fn reads<T>(&self, path: &str, result: Result<T>) -> Result<T> {
-        self.says(result.map_err(|e| match e {
-            Error::Invalid { at, what } => Error::invalid(path, format!("{at}: {what}")),
-            other => other,
-        }))
-    }
-
     /// Gives a result's error to this key: where it happened inside is dropped, what happened is kept.
     pub(super) fn name<T>(&self, result: Result<T>) -> Result<T> {
         result.map_err(|e| match e {

@@ -64,7 +64,7 @@ pub(super) fn of_shape(
 fn image(l: &ImageLight, key: &Key, assets: &dyn Assets) -> Result<Emitter> {
     let file = key.at("file");
     let bytes = file.says(assets.read(&l.file))?;
-    let image = file.reads(&l.file, io::image::read(&bytes, io::image::MAX_PIXELS))?;
+    let image = file.says(io::image::read(&bytes, io::image::MAX_PIXELS))?;
     let rotation = key.at("rotation_deg").finite(l.rotation_deg)?.to_radians() as f32;
     let scale = key.at("scale").not_negative(l.scale)? as f32;
     let environment = key.under(Environment::new(image.width, image.height, image.rgb, rotation))?;

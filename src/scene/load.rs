@@ -321,7 +321,15 @@ mod tests {
         let d = load(&["film.width=256", "film.tone_map=aces", "render.seed = 7", "lights.key.radiance=3"])
             .unwrap();
         assert_eq!((d.film.width, d.render.seed), (256, 7));
-        assert_eq!(d.film.tone_map, crate::film::ToneMap::Aces);
+        assert_eq!(
+            d.film.tone_map,
+            crate::scene::description::SceneDescription {
+                film: toml::from_str("tone_map = \"aces\"").unwrap(),
+                ..Default::default()
+            }
+            .film
+            .tone_map
+        );
         let message = |o: &[&str]| load(o).unwrap_err().to_string();
         assert!(message(&["film.widht=256"]).starts_with("-D film.widht=256: unknown key `widht`"));
         assert!(message(&["film.width=big"]).starts_with("-D film.width=big: invalid type: string \"big\""));

@@ -7,9 +7,10 @@ use glam::{DQuat, DVec3, Vec2, Vec3};
 use super::assets::Assets;
 use super::description::{Placement, ShapeDescription};
 use super::key::Key;
+use crate::Result;
 use crate::flower::{self, OrganKind};
 use crate::geometry::Mesh;
-use crate::{Result, io};
+use crate::io;
 
 /// A mesh of the scene with what it is.
 #[derive(Clone, Debug)]
@@ -64,7 +65,7 @@ pub(super) fn parts(d: &ShapeDescription, key: &Key, assets: &dyn Assets) -> Res
         }
         ShapeDescription::Mesh(s) => {
             let key = key.at("file");
-            let mesh = key.reads(&s.file, assets.read(&s.file).and_then(|b| io::read_mesh(&b)))?;
+            let mesh = key.says(assets.read(&s.file).and_then(|b| io::read_mesh(&b)))?;
             key.says(mesh.validate(&s.file))?;
             // How long a unit of u is differs over the mesh: only flowers have cells by their uv.
             single(mesh, Vec2::ZERO)

@@ -234,51 +234,6 @@ fn files() {
 }
 
 #[test]
-fn meshes_and_images_from_files() {
-    let mut assets = MemoryAssets::default();
-    let ply = |mesh: &crate::geometry::Mesh| crate::io::ply::write(&[("m", mesh)]).unwrap();
-    let mesh = shape::quad(2.0, 3.0);
-    assets.files.insert("m.ply".to_owned(), ply(&mesh));
-    let lines =
-        "[shapes.m]\ntype = \"mesh\"\nmaterial = \"white\"\nfile = \"m.ply\"\nposition_mm = [0, 0, 9]\n";
-    let text = format!("{SMALL}{lines}scale = 2\n");
-    let scene = compiled(&text, &[], &assets).unwrap();
-    let m = scene.shapes.iter().find(|s| s.key == "shapes.m").unwrap();
-    let (low, high) = m.mesh.bounds();
-    assert_eq!((low, high), (glam::Vec3::new(-2.0, -3.0, 9.0), glam::Vec3::new(2.0, 3.0, 9.0)));
-    // Indices out of range and no faces.
-    let broken = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
-        element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n";
-    let faceless = broken.replace("face 1", "face 0").replace("3 0 1 7\n", "");
-    for bytes in [broken.to_owned(), faceless] {
-        assets.files.insert("m.ply".to_owned(), bytes.into_bytes());
-        let e = fails_with(&text, &[], &assets);
-        assert_eq!((e.key.as_str(), e.line), ("shapes.m.file", Some(22)), "{e}");
-        assert!(e.what.starts_with("m.ply"), "{e}");
-    }
-
-    let hdr = |width: usize, height: usize| {
-        let mut bytes =
-            format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n").into_bytes();
-        // One flat pixel after the other: mantissas 128, exponent 129, that is 1.0.
-        bytes.extend((0..width * height).flat_map(|_| [128u8, 128, 128, 129]));
-        bytes
-    };
-    let text = format!("{SMALL}[lights.world]\ntype = \"image\"\nscale = 3\nfile = \"sky.hdr\"\n");
-    assets.files.insert("sky.hdr".to_owned(), hdr(4, 2));
-    let scene = compiled(&text, &["lights.sky.radiance=0"], &assets).unwrap();
-    // White 1 is D65 of luminance 1.
-    let lambda = crate::spectrum::SampledWavelengths::visible(0.3);
-    let sky = scene.lights.environment(glam::Vec3::new(0.6, 0.0, 0.8), &lambda);
-    let d65 = crate::spectrum::illuminant::d65().sample(&lambda);
-    assert!((0..8).all(|i| (sky[i] / (3.0 * d65[i]) - 1.0).abs() < 1e-3), "{sky:?}");
-    assets.files.insert("sky.hdr".to_owned(), hdr(4, 3));
-    let e = fails_with(&text, &[], &assets);
-    assert_eq!((e.key.as_str(), e.line), ("lights.world.file", Some(22)), "{e}");
-    assert!(e.what.contains("4 x 3"), "{e}");
-}
-
-#[test]
 fn roses() {
     let rose = "[shapes.r]\ntype = \"rose\"\nmaterials = { petal = \"white\", sepal = \"white\", stem = \"white\", receptacle = \"white\", leaf = \"white\" }\n";
     last_line_fails(&format!("{rose}rose.petals = 0\n"), "shapes.r.rose.petals", "");

@@ -1,0 +1,94 @@
+//! `rosarium grow`.
+
+use std::path::PathBuf;
+
+use clap::builder::PossibleValuesParser;
+use rosarium::flower::{self, OrganKind, RoseDescription};
+use rosarium::geometry::Mesh;
+use rosarium::scene::load;
+use rosarium::{Error, Result, io};
+
+use crate::input::Overrides;
+use crate::output::Output;
+use crate::{Global, Outcome, progress, report};
+
+/// Grow a rose and write it as a mesh.
+///
+/// The mesh has one part per petal, sepal, leaflet, the receptacle and the stem, in millimetres, +z up, with
+/// normals and texture coordinates.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Keys of -D are those of a rose in a scene file: petals, irregularity, petal.length_mm, bloom.outer_deg ...
+(`rosarium schema` lists them).
+
+Examples:
+  rosarium grow                                  rose.ply
+  rosarium grow --preset wild -o wild.glb
+  rosarium grow -o rose.obj --seed 7 -D petals=24 -D petal.ruffle_mm=2")]
+pub(crate) struct Args {
+    /// File to write: .ply, .obj or .glb. Repeatable. Default: rose.ply.
+    #[arg(short, long, value_name = "FILE")]
+    output: Vec<PathBuf>,
+    /// The rose that -D changes.
+    #[arg(long, value_name = "NAME", default_value = "hybrid_tea", value_parser = PossibleValuesParser::new(RoseDescription::PRESETS))]
+    preset: String,
+    /// Seed of what differs between two roses of one kind.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    seed: Option<u64>,
+    #[command(flatten)]
+    overrides: Overrides,
+}
+
+pub(crate) fn run(args: &Args, global: Global) -> Result<Outcome> {
+    let default = [PathBuf::from("rose.ply")];
+    let paths = if args.output.is_empty() { &default[..] } else { &args.output };
+    let outputs = Output::prepare_all("--output", paths, &["ply", "obj", "glb"])?;
+
+    let preset: RoseDescription = args.preset.parse().map_err(|e| report::at_flag("--preset", e))?;
+    let text = toml::to_string(&preset).map_err(|e| Error::invalid("--preset", e.to_string()))?;
+    let loaded =
+        load::<RoseDescription>(&text, &format!("{} (built in)", args.preset), &args.overrides.define)?;
+    let mut description = loaded.description;
+    if let Some(seed) = args.seed {
+        description.seed = seed;
+    }
+    description.validate("").map_err(|e| loaded.source.locate(e))?;
+    let flower = flower::grow(&description).map_err(|e| loaded.source.locate(e))?;
+
+    let names: Vec<String> = flower
+        .organs
+        .iter()
+        .map(|o| format!("{}_{}", format!("{:?}", o.kind).to_lowercase(), o.index))
+        .collect();
+    let parts: Vec<(&str, &Mesh)> =
+        names.iter().map(String::as_str).zip(flower.organs.iter().map(|o| &o.mesh)).collect();
+    for output in &outputs {
+        let bytes = match output.format {
+            "ply" => io::ply::write(&parts)?,
+            "obj" => io::obj::write(&parts)?,
+            _ => {
+                let colors: Vec<[f32; 3]> = flower.organs.iter().map(|o| color(o.kind)).collect();
+                io::gltf::write(&parts, &colors)?
+            }
+        };
+        output.write(&bytes)?;
+        let line = format!(
+            "{}: {} petals, {} parts, {} triangles",
+            output.path().display(),
+            description.petals,
+            parts.len(),
+            flower.triangle_count()
+        );
+        progress::say(global, &line);
+    }
+    Ok(Outcome::Done)
+}
+
+/// Base colours for viewers of .glb files, linear sRGB.
+fn color(kind: OrganKind) -> [f32; 3] {
+    match kind {
+        OrganKind::Petal => [0.45, 0.01, 0.03],
+        OrganKind::Sepal | OrganKind::Leaf => [0.05, 0.14, 0.03],
+        OrganKind::Receptacle | OrganKind::Stem => [0.08, 0.18, 0.05],
+    }
+}

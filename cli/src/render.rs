@@ -1,0 +1,228 @@
+//! `rosarium render`.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use glam::UVec2;
+use rosarium::film::{Film, PixelRect, ToneMap};
+use rosarium::scene::description::IntegratorName;
+use rosarium::scene::{self, DEFAULT_SCENE, DEFAULT_SCENE_NAME, Loaded, Scene, SceneDescription, load};
+use rosarium::transport::{self, Integrator, RenderSettings};
+use rosarium::{Result, io};
+
+use crate::input::{self, Overrides};
+use crate::output::Output;
+use crate::progress::{Bar, peak_memory};
+use crate::{Global, Outcome, progress, report};
+
+/// Render a scene to EXR and PNG.
+///
+/// The EXR holds linear light and layers (direct, indirect, variance, albedo, N, Z, uv, petal_id, organ_id,
+/// samples); the PNG is the picture for a screen. Ctrl-C writes what is there.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  rosarium render                                     the built-in rose to rose.png and rose.exr
+  rosarium render -D film.width=256 -D film.height=256 --spp 4 -o quick.png
+  rosarium render scenes/thesis.toml -o a.exr -o a.png --integrator raytrace -D petal.samples=64
+  rosarium render scenes/rose.toml -o part.exr --crop 0.25,0.75,0.25,0.75 --seed 3
+`rosarium schema` lists every key of a scene file.")]
+pub(crate) struct Args {
+    /// Scene file. Default: the built-in rose.
+    scene: Option<PathBuf>,
+    /// Picture to write: .exr or .png. Repeatable. Default: NAME.png and NAME.exr in this folder.
+    #[arg(short, long, value_name = "FILE")]
+    output: Vec<PathBuf>,
+    /// Samples per pixel, instead of the scene's.
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..))]
+    spp: Option<u32>,
+    /// Seed of all random choices of the light, instead of the scene's.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    seed: Option<u64>,
+    /// Part of the picture, as fractions of its width and height from the top left.
+    #[arg(long, value_name = "X0,X1,Y0,Y1", allow_hyphen_values = true, value_parser = parse_crop)]
+    crop: Option<Crop>,
+    /// How light is transported: all of it (path), or direct light only as in the thesis (raytrace).
+    #[arg(long, value_name = "NAME", value_parser = named::<IntegratorName>(&["path", "raytrace"]))]
+    integrator: Option<IntegratorName>,
+    /// Exposure of the PNG in stops, instead of the scene's.
+    #[arg(long, value_name = "EV", allow_negative_numbers = true, value_parser = parse_exposure)]
+    exposure: Option<f64>,
+    /// Tone curve of the PNG, instead of the scene's.
+    #[arg(long, value_name = "NAME", value_parser = named::<ToneMap>(&["agx", "aces", "linear"]))]
+    tone_map: Option<ToneMap>,
+    #[command(flatten)]
+    overrides: Overrides,
+}
+
+/// Fractions of the width and of the height.
+#[derive(Clone, Copy, Debug)]
+struct Crop {
+    x: (f64, f64),
+    y: (f64, f64),
+}
+
+fn parse_crop(argument: &str) -> Result<Crop, String> {
+    let numbers: Vec<f64> = argument
+        .split(',')
+        .map(|n| n.trim().parse().map_err(|_| format!("`{n}` is not a number")))
+        .collect::<Result<_, _>>()?;
+    let &[x0, x1, y0, y1] = &numbers[..] else {
+        return Err("expected four numbers X0,X1,Y0,Y1".to_owned());
+    };
+    for (low, high, axis) in [(x0, x1, "X"), (y0, y1, "Y")] {
+        if !(0.0 <= low && low < high && high <= 1.0) {
+            return Err(format!("expected 0 <= {axis}0 < {axis}1 <= 1, but they are {low} and {high}"));
+        }
+    }
+    Ok(Crop { x: (x0, x1), y: (y0, y1) })
+}
+
+fn parse_exposure(argument: &str) -> Result<f64, String> {
+    match argument.parse::<f64>() {
+        Ok(ev) if (-50.0..=50.0).contains(&ev) => Ok(ev),
+        _ => Err("not a number of stops within -50 to 50".to_owned()),
+    }
+}
+
+/// Parses a name as a scene file does.
+fn named<T>(names: &'static [&'static str]) -> impl TypedValueParser<Value = T>
+where
+    T: serde::de::DeserializeOwned + Clone + Send + Sync + 'static,
+{
+    PossibleValuesParser::new(names.iter().copied()).try_map(|name| toml::Value::String(name).try_into::<T>())
+}
+
+pub(crate) fn run(args: &Args, global: Global) -> Result<Outcome> {
+    let outputs = Output::prepare_all("--output", &paths(args), &["exr", "png"])?;
+    let started = Instant::now();
+    let scene = read_scene(args)?;
+    tracing::info!(
+        shapes = scene.shapes.len(),
+        triangles = scene.shapes.iter().map(|s| s.mesh.triangles.len()).sum::<usize>(),
+        lights = scene.lights.emitters().len(),
+        seconds = started.elapsed().as_secs_f32(),
+        "scene ready"
+    );
+    let resolution = UVec2::new(scene.film.width, scene.film.height);
+    let crop = match args.crop {
+        Some(c) => {
+            PixelRect::from_fractions(resolution, c.x, c.y).map_err(|e| report::at_flag("--crop", e))?
+        }
+        None => PixelRect::full(resolution),
+    };
+    let settings = RenderSettings { spp: scene.render.spp, seed: scene.render.seed, crop };
+
+    let started = Instant::now();
+    let rendered = {
+        let bar = Bar::new("render");
+        transport::render(&scene, integrator(&scene).as_ref(), &settings, &bar)?
+    };
+    let seconds = started.elapsed().as_secs_f64();
+
+    let metadata = io::exr::Metadata {
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        command_line: std::env::args().collect::<Vec<_>>().join(" "),
+        seed: settings.seed,
+        spp: settings.spp,
+        scene_hash: format!("{:032x}", scene.scene_hash),
+        render_time_s: seconds as f32,
+    };
+    for output in &outputs {
+        output.write(&encode(output.format, &rendered.film, &scene, &metadata)?)?;
+    }
+
+    if rendered.film.rejected() > 0 {
+        tracing::warn!("{} samples were not finite and are left out", rendered.film.rejected());
+    }
+    let names: Vec<String> = outputs.iter().map(|o| o.path().display().to_string()).collect();
+    let memory = peak_memory().map_or(String::new(), |b| format!(", peak memory {} MiB", b >> 20));
+    let summary = format!(
+        "{}: {} x {} pixels, {} spp, {seconds:.1} s, {:.3} Msamples/s{memory}",
+        names.join(", "),
+        crop.width(),
+        crop.height(),
+        settings.spp,
+        rendered.samples as f64 / seconds.max(1e-9) / 1e6,
+    );
+    progress::say(global, &summary);
+    if rendered.complete {
+        return Ok(Outcome::Done);
+    }
+    let pixels = u64::from(crop.width()) * u64::from(crop.height());
+    let mean = rendered.samples as f64 / pixels as f64;
+    progress::say(
+        global,
+        &format!("stopped at {mean:.1} of {} samples per pixel; that is what was written", settings.spp),
+    );
+    Ok(Outcome::Stopped)
+}
+
+/// Where to write.
+fn paths(args: &Args) -> Vec<PathBuf> {
+    if !args.output.is_empty() {
+        return args.output.clone();
+    }
+    let stem = args.scene.as_deref().and_then(Path::file_stem).unwrap_or("rose".as_ref());
+    ["png", "exr"].map(|e| PathBuf::from(stem).with_added_extension(e)).to_vec()
+}
+
+fn read_scene(args: &Args) -> Result<Scene> {
+    let define = &args.overrides.define;
+    let Loaded { mut description, source } = match &args.scene {
+        Some(path) => {
+            load::<SceneDescription>(&input::read_text(path)?, &path.display().to_string(), define)?
+        }
+        None => load::<SceneDescription>(DEFAULT_SCENE, DEFAULT_SCENE_NAME, define)?,
+    };
+    let SceneDescription { render, film, .. } = &mut description;
+    render.spp = args.spp.unwrap_or(render.spp);
+    render.seed = args.seed.unwrap_or(render.seed);
+    render.integrator = args.integrator.unwrap_or(render.integrator);
+    film.exposure_ev = args.exposure.unwrap_or(film.exposure_ev);
+    film.tone_map = args.tone_map.unwrap_or(film.tone_map);
+    scene::compile(&description, &input::assets_beside(args.scene.as_deref())).map_err(|e| source.locate(e))
+}
+
+fn integrator(scene: &Scene) -> Box<dyn Integrator> {
+    match scene.render.integrator {
+        IntegratorName::Path => {
+            Box::new(transport::Path { max_depth: scene.render.max_depth, min_depth: scene.render.min_depth })
+        }
+        IntegratorName::Raytrace => Box::new(transport::Raytrace),
+    }
+}
+
+fn encode(format: &str, film: &Film, scene: &Scene, metadata: &io::exr::Metadata) -> Result<Vec<u8>> {
+    if format == "exr" {
+        return io::exr::write(film, metadata);
+    }
+    let size = (film.width(), film.height());
+    let exposure_ev = scene.film.exposure_ev as f32;
+    io::png::write(size, &film.beauty(), scene.film.tone_map, exposure_ev, io::png::Depth::Eight)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn crops() {
+        let crop = parse_crop("0.25, 0.75,0,1").expect("valid");
+        assert_eq!((crop.x, crop.y), ((0.25, 0.75), (0.0, 1.0)));
+        for bad in [
+            "",
+            "0,1",
+            "0,1,0,2",
+            "-0.1,1,0,1",
+            "0.5,0.2,0,1",
+            "0,0,0,1",
+            "nan,1,0,1",
+            "0,1,0,1,1",
+            "a,b,c,d",
+        ] {
+            assert!(parse_crop(bad).is_err(), "{bad}");
+        }
+    }
+}
