@@ -19,7 +19,7 @@
 //! among the domes for [`MAX_CELLS`] cells, as only one nearly parallel to the base can, is said to miss
 //! (`horizontal_rays_end`). An origin inside the solid is a hit at t = 0. Our reading: shear, walls, disorder.
 
-use glam::{DVec2, DVec3, IVec2};
+use glam::{DVec2, DVec3};
 
 use super::description::CellDescription;
 use super::dome::{Dome, Profile};
@@ -142,8 +142,8 @@ impl CellField {
         let mut edges = Vec::new();
         for (i, cell) in lattice.cells.iter().enumerate() {
             let random = |channel| disorder(description.seed, i as u32, channel);
-            let height =
-                description.height_um * (1.0 + description.height_disorder * random(Channel::Height).x);
+            let factor = 1.0 + description.height_disorder * random(Channel::Height).x;
+            let height = description.height_um * factor;
             let lean = random(Channel::Tilt) * description.tilt_disorder_deg.to_radians();
             let radius = profile.base_radius_um(cell.inner_radius_um, cell.corner_radius_um);
             cells.push(Cell {
@@ -177,7 +177,7 @@ impl CellField {
         Ok(field)
     }
 
-    /// What the field was built from.
+    /// What it was built from.
     pub fn description(&self) -> &CellDescription {
         &self.description
     }
@@ -234,14 +234,12 @@ impl CellField {
         self.height_in_cell_um(place.cell, xy_um - place.site)
     }
 
-    /// Height that a cell's dome has, seen from above, at an offset from the cell's centre; the offset may
-    /// lie outside of the cell's polygon.
+    /// Height of one cell's dome, seen from above, at an offset from its centre, inside its polygon or not.
     pub fn height_in_cell_um(&self, cell: u32, offset_um: DVec2) -> f64 {
         let cell = &self.cells[cell as usize];
-        let down =
-            self.cross_dome(cell, offset_um.extend(self.max_height), DVec3::NEG_Z, self.max_height, START_UM);
-        match down {
-            InCell::Hit(t) => (self.max_height - t).max(0.0),
+        let top = self.max_height;
+        match self.cross_dome(cell, offset_um.extend(top), DVec3::NEG_Z, top, START_UM) {
+            InCell::Hit(t) => (top - t).max(0.0),
             InCell::Miss | InCell::Under => 0.0,
         }
     }
@@ -291,14 +289,12 @@ impl CellField {
 
     /// The point where a ray comes below the tallest dome, and its distance; `None` where it never does.
     fn enter(&self, origin: DVec3, direction: DVec3) -> Option<(DVec3, f64)> {
-        if !(origin + direction).is_finite() {
+        let misses = origin.z > self.max_height && direction.z >= 0.0;
+        if misses || !(origin + direction).is_finite() {
             return None;
         }
         if origin.z <= self.max_height {
             return Some((origin, 0.0));
-        }
-        if direction.z >= 0.0 {
-            return None;
         }
         let t = (self.max_height - origin.z) / direction.z;
         let p = origin + direction * t;
@@ -311,14 +307,15 @@ impl CellField {
 
     /// Walks the cells from `place`, which owns `origin`.
     fn search(&self, mut place: Place, origin: DVec3, direction: DVec3) -> Option<Found> {
+        let found = |t, kind, solid, air| Some(Found { t, kind, solid, air });
         let d = direction.truncate();
         let mut air = place;
         let mut t_in = 0.0;
         let t_base = if direction.z < 0.0 { (-origin.z / direction.z).max(0.0) } else { f64::INFINITY };
-        let t_top =
-            if direction.z > 0.0 { (self.max_height - origin.z) / direction.z } else { f64::INFINITY };
+        let rise = self.max_height - origin.z;
+        let t_top = if direction.z > 0.0 { rise / direction.z } else { f64::INFINITY };
         if origin.z < -START_UM {
-            return Some(Found { t: 0.0, kind: HitKind::Base, solid: place, air });
+            return found(0.0, HitKind::Base, place, place);
         }
         let mut depth = START_UM;
         for _ in 0..MAX_CELLS {
@@ -329,7 +326,6 @@ impl CellField {
             let (mut stay, mut exit) = (f64::INFINITY, usize::MAX);
             let edges = self.edges_of(cell);
             for (k, edge) in edges.iter().enumerate() {
-                // Without branches: which sides a ray runs towards cannot be predicted.
                 let toward = d.dot(edge.delta);
                 if toward > 0.0 {
                     let t = (edge.half - q.dot(edge.delta)) / toward;
@@ -341,16 +337,15 @@ impl CellField {
             let t_out = t_in + stay.max(0.0);
             match self.cross_dome(cell, q.extend(entry.z), direction, t_out.min(t_base) - t_in, depth) {
                 InCell::Miss => {}
-                InCell::Hit(t) => {
-                    return Some(Found { t: t_in + t, kind: HitKind::Dome, solid: place, air: place });
+                InCell::Hit(t) => return found(t_in + t, HitKind::Dome, place, place),
+                InCell::Under => {
+                    // The start itself is inside, or the ray came in through the side.
+                    let kind = if air.site == place.site { HitKind::Dome } else { HitKind::Wall };
+                    return found(t_in, kind, place, air);
                 }
-                InCell::Under if air.site == place.site => {
-                    return Some(Found { t: t_in, kind: HitKind::Dome, solid: place, air });
-                }
-                InCell::Under => return Some(Found { t: t_in, kind: HitKind::Wall, solid: place, air }),
             }
             if t_base <= t_out && t_base.is_finite() {
-                return Some(Found { t: t_base, kind: HitKind::Base, solid: place, air: place });
+                return found(t_base, HitKind::Base, place, place);
             }
             let edge = edges.get(exit)?;
             if t_out >= t_top {
@@ -464,8 +459,7 @@ impl CellField {
         self.descend(Place { cell: bin.cell, site: base + self.cells[bin.cell as usize].site }, xy)
     }
 
-    /// Moves to the neighbour beyond the side that the point violates most, until it violates none: the
-    /// distance to the centre falls each time. The bound only guards against rounding.
+    /// Moves across the side that the point violates most until it violates none; each move is nearer.
     fn descend(&self, mut place: Place, xy: DVec2) -> Place {
         for _ in 0..MAX_CELLS {
             let q = xy - place.site;
@@ -487,15 +481,14 @@ impl CellField {
     fn fill_bins(&mut self) {
         let tile_um = self.lattice.tile_um;
         let counts = (tile_um / self.description.pitch_um * 2.0).ceil();
-        let (nx, ny) = (counts.x as usize, counts.y as usize);
+        let [nx, ny] = [counts.x as usize, counts.y as usize];
         let mut place = Place { cell: 0, site: self.cells[0].site };
         let mut bins = Vec::with_capacity(nx * ny);
         for iy in 0..ny {
             for ix in 0..nx {
-                let middle = DVec2::new(ix as f64 + 0.5, iy as f64 + 0.5) / DVec2::new(nx as f64, ny as f64);
+                let middle = DVec2::new(ix as f64 + 0.5, iy as f64 + 0.5) / counts;
                 place = self.descend(place, middle * tile_um);
                 let tile = ((place.site - self.cells[place.cell as usize].site) / tile_um).round();
-                let tile: IVec2 = tile.as_ivec2();
                 bins.push(Bin { cell: place.cell, tile: [tile.x as i8, tile.y as i8] });
             }
         }
