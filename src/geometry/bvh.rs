@@ -231,6 +231,27 @@ mod tests {
     }
 
     #[test]
+    fn large_triangles_are_left_for_good() {
+        // A floor of 20 m: rays that leave it, however flat, never meet it again.
+        let s = 1e4;
+        let corners = [(-s, -s), (s, -s), (s, s), (-s, s)];
+        let floor = Mesh {
+            positions: corners.map(|(x, y)| Vec3::new(x, y, 1.0)).to_vec(),
+            triangles: vec![[0, 1, 2], [0, 2, 3]],
+            ..Mesh::default()
+        };
+        let bvh = Bvh::build([&floor]);
+        for i in 0..100_000 {
+            let mut sampler = Sampler::new(3, UVec2::ZERO, i);
+            let at = (sampler.next_2d() * 40.0 - 20.0).extend(1.0);
+            let mut d = warp::square_to_sphere(sampler.next_2d());
+            d.z *= 10f32.powi(-((i % 5) as i32));
+            let d = d.normalize();
+            assert!(bvh.intersect(&Ray::new(offset_origin(at, Vec3::Z, d), d)).is_none(), "{at} {d}");
+        }
+    }
+
+    #[test]
     fn nothing_to_hit() {
         let bvh = Bvh::build([]);
         assert!(
