@@ -92,6 +92,8 @@ pub(crate) fn run(args: &Args, global: Global) -> Result<Outcome> {
     let description =
         toml::to_string(&loaded.description).map_err(|e| Error::invalid(&name, e.to_string()))?;
 
+    tracing::info!(cells = petal.cells().cell_count(), "sample ready");
+
     let table = {
         let bar = Bar::new("measure");
         gonio.measure(&petal, &|done, total| bar.step(done, total))?.described(name, description)

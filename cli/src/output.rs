@@ -41,7 +41,11 @@ impl Output {
                 }
                 target
             }
-            Err(_) => path.to_owned(),
+            // Not there yet, but its folder must be.
+            Err(_) => {
+                let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+                fs::canonicalize(folder).map_err(fail)?.join(path.file_name().unwrap_or_default())
+            }
         };
         let output = Self { path: path.to_owned(), target, format };
         // Created and removed at once: a killed process leaves nothing behind.
@@ -79,7 +83,7 @@ impl Output {
     }
 
     fn temporary(&self) -> std::io::Result<NamedTempFile> {
-        let folder = self.target.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let folder = self.target.parent().unwrap_or(Path::new("."));
         let mut builder = tempfile::Builder::new();
         builder.prefix(".rosarium-");
         #[cfg(unix)]
@@ -99,5 +103,48 @@ pub(crate) fn print(bytes: &[u8]) -> Result<Outcome> {
         Ok(()) => Ok(Outcome::Done),
         Err(e) if e.kind() == ErrorKind::BrokenPipe => Ok(Outcome::Done),
         Err(e) => Err(Error::io("standard output", e)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn replaces_a_file_whole_and_leaves_nothing_else() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let path = dir.path().join("a.CSV");
+        fs::write(&path, "old and long").expect("written");
+        let output = Output::prepare("--output", &path, &["svg", "csv"]).expect("writable");
+        assert_eq!(output.format, "csv");
+        assert_eq!(fs::read(&path).expect("still there"), b"old and long");
+        output.write(b"new").expect("written");
+        assert_eq!(fs::read(&path).expect("there"), b"new");
+        assert_eq!(fs::read_dir(dir.path()).expect("readable").count(), 1);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_stays_a_link() {
+        use std::os::unix::fs::PermissionsExt;
+        let dir = tempfile::tempdir().expect("a folder");
+        let (real, link) = (dir.path().join("real.png"), dir.path().join("link.png"));
+        fs::write(&real, "old").expect("written");
+        std::os::unix::fs::symlink(&real, &link).expect("linked");
+        Output::prepare("--output", &link, &["png"]).and_then(|o| o.write(b"new")).expect("written");
+        assert!(fs::symlink_metadata(&link).expect("there").is_symlink());
+        assert_eq!(fs::read(&real).expect("there"), b"new");
+        // The user's mask decides who reads it, not the temporary file's privacy.
+        let other = dir.path().join("other");
+        fs::write(&other, "").expect("written");
+        let mode = |p: &Path| fs::metadata(p).expect("there").permissions().mode();
+        assert_eq!(mode(&real), mode(&other));
+    }
+
+    #[test]
+    fn two_names_of_one_file_are_refused() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let paths = [dir.path().join("a.png"), dir.path().join(".").join("a.png")];
+        assert!(Output::prepare_all("--output", &paths, &["png"]).is_err());
     }
 }

@@ -92,8 +92,7 @@ fn ctrl_c_writes_what_is_there() {
     let mut lines = BufReader::new(child.stderr.take().expect("piped")).lines().map_while(Result::ok);
     assert!(lines.any(|l| l.contains("scene ready")));
     std::thread::sleep(Duration::from_millis(700));
-    let kill = Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill runs");
-    assert!(kill.success());
+    interrupt(&child);
     let status = child.wait().expect("it ends");
     let rest: Vec<String> = lines.collect();
     assert_eq!(status.code(), Some(130), "{rest:?}");
@@ -102,4 +101,32 @@ fn ctrl_c_writes_what_is_there() {
     let samples = &channels["samples"];
     assert!(samples.iter().all(|&n| n < 100_000_000) && samples.iter().any(|&n| n > 0), "{samples:?}");
     assert!(dir.path().join("part.png").exists());
+}
+
+#[cfg(unix)]
+fn interrupt(child: &std::process::Child) {
+    let kill = Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill runs");
+    assert!(kill.success());
+}
+
+#[cfg(unix)]
+#[test]
+fn a_stopped_measurement_writes_nothing() {
+    let dir = folder();
+    let mut child = Command::new(env!("CARGO_BIN_EXE_rosarium"))
+        .args(["measure", "thesis", "--rays", "1e13", "-o", "t.csv", "--json", "-v"])
+        .current_dir(dir.path())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("it runs");
+    let mut lines = BufReader::new(child.stderr.take().expect("piped")).lines().map_while(Result::ok);
+    assert!(lines.any(|l| l.contains("sample ready")));
+    std::thread::sleep(Duration::from_millis(300));
+    interrupt(&child);
+    let output = child.wait_with_output().expect("it ends");
+    let rest: Vec<String> = lines.collect();
+    assert_eq!(output.status.code(), Some(130), "{rest:?}");
+    assert!(rest.iter().any(|l| l.contains("nothing was written")), "{rest:?}");
+    assert!(output.stdout.is_empty() && !dir.path().join("t.csv").exists());
 }
