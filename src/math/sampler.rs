@@ -6,7 +6,7 @@
 //! permutation, 2021). Each pair is a (0,2)-sequence; pairs are mutually independent.
 //!
 //! A value depends only on (seed, pixel, sample index, dimension): any thread, process or order of work
-//! draws the same numbers. The sample index is 32 bits. Guarded by `stratified`, `order_free`.
+//! draws the same numbers. The sample index is 32 bits. Guarded by `stratified`, `order_free_and_keyed`.
 
 use glam::{UVec2, Vec2};
 

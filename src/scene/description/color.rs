@@ -31,7 +31,7 @@ pub struct SpectrumTable {
     /// CSV file, relative to the scene file; wavelength in nm in the first column.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub file: Option<String>,
-    /// Name of the file's column. Default: the second column.
+    /// Name of the file's column. Needed where it has more than one besides the wavelength.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub column: Option<String>,
     /// A CIE illuminant: `A`, `D50`, `D65` or `E`.
