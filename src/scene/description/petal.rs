@@ -85,8 +85,8 @@ impl Default for ShadingDescription {
         Self {
             model: ShadingModel::TwoLayer,
             albedo: SpectrumDescription::Constant(0.5),
-            epidermis: layer(0.15, 0.031, 20.0, 0.85),
-            spongy: layer(0.30, 0.05, 2.0, 0.45),
+            epidermis: layer(0.28, 0.031, 20.0, 0.85),
+            spongy: layer(0.18, 0.02, 2.0, 0.45),
             abaxial: SpectrumDescription::Constant(0.45),
             anthocyanin_ug_per_cm2: 32.0,
             anthocyanin_abaxial_ug_per_cm2: 20.0,
