@@ -33,7 +33,8 @@ pub struct Interaction {
     pub frame: Frame,
     /// Texture coordinates, zero without.
     pub uv: Vec2,
-    /// Millimetres per unit of u and of v at the hit; zero without texture coordinates.
+    /// Millimetres per unit of u and of v at the hit; zero without texture coordinates. Negative for v where
+    /// (u, v, normal) is left-handed: `uv * uv_scale_mm` grows along `frame.s` and `frame.t`.
     pub uv_scale_mm: Vec2,
     /// Distance along the ray, mm.
     pub t: f32,

@@ -13,6 +13,13 @@ const SHADOW_END: f32 = 1.0 - 1e-4;
 /// More sheets than this between a point and a light leave it dark.
 const MAX_SHEETS: u32 = 64;
 
+/// Point of a triangle. In f64, so that rounding of the coordinates moves the point along the triangle but not off
+/// it: what is left is smaller than the step of [`offset_origin`], whatever the size of the triangle.
+fn point_on(corners: [Vec3; 3], barycentric: Vec3) -> Vec3 {
+    let [a, b, c] = corners.map(|p| p.as_dvec3());
+    (a + (b - a) * f64::from(barycentric.y) + (c - a) * f64::from(barycentric.z)).as_vec3()
+}
+
 impl Scene {
     /// The nearest surface on a ray. The shading frame's normal and `ng` are adaxial; where the interpolated
     /// normal would put the viewer on the wrong side of the sheet, the frame is that of `ng`.
@@ -24,7 +31,7 @@ impl Scene {
         let [a, b, c] = corners;
         let index = mesh.triangles[hit.face as usize].map(|i| i as usize);
         let weigh3 = |v: [Vec3; 3]| v[0] * hit.b.x + v[1] * hit.b.y + v[2] * hit.b.z;
-        let p = weigh3(corners);
+        let p = point_on(corners, hit.b);
         let ng = (b - a).cross(c - a).normalize_or(Vec3::Z);
         let ns = match mesh.normals.is_empty() {
             true => ng,
@@ -43,7 +50,14 @@ impl Scene {
             // dp/du solves e1 = (du1, dv1), e2 = (du2, dv2) for the two edges.
             let det = e1.perp_dot(e2);
             let tangent = (det != 0.0).then(|| ((b - a) * e2.y - (c - a) * e1.y) / det);
-            (uv, tangent, shape.uv_scale_mm)
+            // The frame is right-handed; where u, v and the normal are not, v runs against its second tangent.
+            let winding = (b - a).cross(c - a).dot(ng);
+            let scale = if det * winding < 0.0 {
+                shape.uv_scale_mm * Vec2::new(1.0, -1.0)
+            } else {
+                shape.uv_scale_mm
+            };
+            (uv, tangent, scale)
         };
         let frame = match tangent {
             Some(t) => Frame::from_normal_tangent(ns, t),
@@ -82,9 +96,10 @@ impl Scene {
             if share.max() < 1e-4 {
                 break;
             }
-            let [a, b, c] = shape.mesh.corners(hit.face as usize);
+            let corners = shape.mesh.corners(hit.face as usize);
+            let [a, b, c] = corners;
             let ng = (b - a).cross(c - a).normalize_or(Vec3::Z);
-            let next = offset_origin(ray.at(hit.t), ng, ray.direction);
+            let next = offset_origin(point_on(corners, hit.b), ng, ray.direction);
             ray = Ray { origin: next, t_max: ray.t_max - hit.t, ..ray };
         }
         SampledSpectrum::ZERO
