@@ -75,7 +75,7 @@ pub struct AreaEmitter {
 }
 
 impl AreaEmitter {
-    /// All of a mesh. It glows on the side of the counter-clockwise faces, or on both.
+    /// All of a mesh. It glows on the side of its normals (without any, of its counter-clockwise faces), or on both.
     pub fn new(mesh: &Mesh, radiance: Spectrum, two_sided: bool) -> Self {
         let areas = (0..mesh.triangles.len()).map(|f| f64::from(mesh.face_area(f)));
         let total: f64 = areas.clone().sum();
@@ -88,7 +88,15 @@ impl AreaEmitter {
         if let Some(last) = cumulative.last_mut() {
             *last = 1.0;
         }
-        let triangles = (0..mesh.triangles.len()).map(|f| mesh.corners(f)).collect();
+        let triangles = (0..mesh.triangles.len())
+            .map(|f| {
+                let [a, b, c] = mesh.corners(f);
+                let normal = |i: u32| mesh.normals.get(i as usize).copied().unwrap_or(Vec3::ZERO);
+                let outwards: Vec3 = mesh.triangles[f].into_iter().map(normal).sum();
+                // A file's winding may go against its normals; a ray that hits the light decides by these too.
+                if (b - a).cross(c - a).dot(outwards) < 0.0 { [a, c, b] } else { [a, b, c] }
+            })
+            .collect();
         Self { triangles, cumulative, area_mm2: total as f32, two_sided, radiance }
     }
 
