@@ -167,17 +167,22 @@ impl Environment {
     }
 }
 
-/// Cumulative distribution from 0 to 1, `n + 1` values; all alike when there is no weight. Returns the sum.
+/// Cumulative distribution from 0 to 1, `n + 1` values; all alike when there is no weight. Returns the sum of the
+/// weights. A weight far below the mean counts a little more than its share: beside the sun, f32 would round its
+/// interval to nothing, and what only light sampling finds would never be lit by it.
 fn accumulate(weights: &[f64], out: &mut Vec<f32>) -> f64 {
-    let total: f64 = weights.iter().sum();
+    let light: f64 = weights.iter().sum();
+    let least = 1e-2 * light / weights.len() as f64;
+    let raised = |w: f64| if w > 0.0 { w.max(least) } else { 0.0 };
+    let total: f64 = weights.iter().copied().map(raised).sum();
     out.push(0.0);
     let mut sum = 0.0;
-    for (i, w) in weights.iter().enumerate() {
-        sum += w;
+    for (i, &w) in weights.iter().enumerate() {
+        sum += raised(w);
         let share = if total > 0.0 { sum / total } else { (i + 1) as f64 / weights.len() as f64 };
         out.push(if i + 1 == weights.len() { 1.0 } else { share as f32 });
     }
-    total
+    light
 }
 
 /// Interval of a cumulative distribution that holds `u`, and the place in it, in [0, 1].
@@ -285,6 +290,23 @@ mod tests {
             by_sphere += e(warp::square_to_sphere(u), warp::SPHERE_PDF);
         }
         assert!((by_light / by_sphere - 1.0).abs() < 3e-3, "{by_light} {by_sphere}");
+    }
+
+    #[test]
+    fn the_sun_does_not_hide_the_sky() {
+        // 1e9 times as bright as the sky: the sky's pixels in its row and the other rows keep a density.
+        let (w, h) = (1024, 512);
+        let mut pixels = vec![[1.0; 3]; w * h];
+        pixels[100 * w + 300] = [1e9; 3];
+        let env = Environment::new(w, h, pixels, 0.0).unwrap();
+        for i in 0..10_000 {
+            let mut s = Sampler::new(4, UVec2::ZERO, i);
+            let direction = warp::square_to_sphere(s.next_2d());
+            assert!(env.pdf(direction) > 0.0, "{direction}");
+        }
+        for x in 0..w {
+            assert!(env.pixel_pdf(x, 100) > 0.0, "{x}");
+        }
     }
 
     #[test]
