@@ -130,29 +130,71 @@ pub fn write(film: &Film, metadata: &Metadata) -> Result<Vec<u8>> {
         .iter()
         .map(|(name, get)| AnyChannel::new(*name, FlatSamples::U32(pixels.iter().map(get).collect())));
     let PixelRect { x0, y0, .. } = film.crop();
+    let resolution = film.resolution();
+    let display = IntegerBounds::from_dimensions((resolution.x as usize, resolution.y as usize));
+    encode(
+        ((x0 as i32, y0 as i32), (film.width() as usize, film.height() as usize)),
+        display,
+        floats.chain(ids),
+        [
+            ("rosarium:version", AttributeValue::Text(text(&metadata.version))),
+            ("commandLine", AttributeValue::Text(text(&metadata.command_line))),
+            ("seed", AttributeValue::Text(text(&metadata.seed.to_string()))),
+            ("spp", AttributeValue::I32(i32::try_from(metadata.spp).unwrap_or(i32::MAX))),
+            ("sceneHash", AttributeValue::Text(text(&metadata.scene_hash))),
+            ("renderTimeSeconds", AttributeValue::F32(metadata.render_time_s)),
+        ],
+    )
+}
+
+/// Writes named channels, the inverse of [`read_channels`]; attributes become text.
+pub fn write_channels(channels: &Channels) -> Result<Vec<u8>> {
+    let Channels { width, height, origin, display, planes, attributes } = channels;
+    let pixels = width.saturating_mul(*height);
+    if pixels == 0 || planes.is_empty() {
+        return Err(invalid(FORMAT, "a picture needs pixels and channels"));
+    }
+    let mut list = Vec::new();
+    for (name, plane) in planes {
+        let (samples, count) = match plane {
+            Plane::F32(v) => (FlatSamples::F32(v.clone()), v.len()),
+            Plane::U32(v) => (FlatSamples::U32(v.clone()), v.len()),
+        };
+        if count != pixels {
+            return Err(invalid(
+                FORMAT,
+                format_args!("channel `{name}` has {count} samples for {pixels} pixels"),
+            ));
+        }
+        list.push(AnyChannel::new(text(name), samples));
+    }
+    let ((x, y), (w, h)) = *display;
+    let attributes =
+        attributes.iter().map(|(name, value)| (name.as_str(), AttributeValue::Text(text(value))));
+    encode((*origin, (*width, *height)), IntegerBounds::new((x, y), (w, h)), list, attributes)
+}
+
+/// One part with a data window (origin, size), linear sRGB.
+fn encode<'a>(
+    (origin, size): ((i32, i32), (usize, usize)),
+    display: IntegerBounds,
+    channels: impl IntoIterator<Item = AnyChannel<FlatSamples>>,
+    others: impl IntoIterator<Item = (&'a str, AttributeValue)>,
+) -> Result<Vec<u8>> {
     let layer = Layer::new(
-        Pair(film.width() as usize, film.height() as usize),
-        LayerAttributes::default().with_position(Pair(x0 as i32, y0 as i32)),
+        Pair(size.0, size.1),
+        LayerAttributes::default().with_position(Pair(origin.0, origin.1)),
         Encoding {
             compression: Compression::ZIP16,
             blocks: Blocks::ScanLines,
             line_order: LineOrder::Increasing,
         },
-        AnyChannels::sort(floats.chain(ids).collect()),
+        AnyChannels::sort(channels.into_iter().collect()),
     );
-    let resolution = film.resolution();
-    let mut attributes =
-        ImageAttributes::new(IntegerBounds::from_dimensions((resolution.x as usize, resolution.y as usize)));
+    let mut attributes = ImageAttributes::new(display);
     let [red, green, blue, white] = SRGB.map(|(x, y)| Pair(x, y));
     attributes.chromaticities = Some(Chromaticities { red, green, blue, white });
-    attributes.other.extend([
-        (Text::from("rosarium:version"), AttributeValue::Text(text(&metadata.version))),
-        (Text::from("commandLine"), AttributeValue::Text(text(&metadata.command_line))),
-        (Text::from("seed"), AttributeValue::Text(text(&metadata.seed.to_string()))),
-        (Text::from("spp"), AttributeValue::I32(i32::try_from(metadata.spp).unwrap_or(i32::MAX))),
-        (Text::from("sceneHash"), AttributeValue::Text(text(&metadata.scene_hash))),
-        (Text::from("renderTimeSeconds"), AttributeValue::F32(metadata.render_time_s)),
-    ]);
+    attributes.other.extend(others.into_iter().map(|(name, value)| (text(name), value)));
     let mut bytes = Cursor::new(Vec::new());
     ExrImage::new(attributes, layer).write().to_buffered(&mut bytes).map_err(|e| invalid(FORMAT, e))?;
     Ok(bytes.into_inner())
@@ -342,6 +384,9 @@ mod tests {
         ] {
             assert_eq!(back.attributes[name], value);
         }
+        assert_eq!(read_channels(&write_channels(&back).unwrap(), LIMIT).unwrap(), back);
+        let short = Channels { width: back.width + 1, ..back };
+        assert!(write_channels(&short).is_err());
         let picture = read(&bytes, LIMIT).unwrap();
         assert_eq!((picture.width, picture.height, &picture.rgb), (21, 24, &film.beauty()));
     }
