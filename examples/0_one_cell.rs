@@ -5,6 +5,8 @@
 //!
 //! Run it: `cargo run --example 0_one_cell`
 
+#![allow(clippy::print_stdout, reason = "an example says what it finds")]
+
 use std::f64::consts::PI;
 
 use glam::DVec3;

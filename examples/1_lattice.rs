@@ -2,6 +2,8 @@
 //!
 //! Run it: `cargo run --example 1_lattice` (it writes cells.ply, in micrometres, and cells.svg).
 
+#![allow(clippy::print_stdout, reason = "an example says what it finds")]
+
 use rosarium::io;
 use rosarium::math::stats::Welford;
 use rosarium::micro::tile_mesh::tile_mesh;

@@ -6,6 +6,8 @@
 //!
 //! Run it: `cargo run --example 2_goniophotometer` (it writes lobes.svg).
 
+#![allow(clippy::print_stdout, reason = "an example says what it finds")]
+
 use std::ops::ControlFlow;
 
 use rosarium::gonio::{GonioTable, Goniophotometer};

@@ -5,6 +5,8 @@
 //!
 //! Run it: `cargo run --example 3_bsdf`
 
+#![allow(clippy::print_stdout, reason = "an example says what it finds")]
+
 use glam::{UVec2, Vec3};
 use rosarium::bsdf::{Bsdf, Lambert, LiteralPhong, Phong};
 use rosarium::math::Sampler;

@@ -2,6 +2,8 @@
 //!
 //! Run it: `cargo run --example 4_rose` (it writes rose.glb in metres, +y up, and rose.ply in millimetres, +z up).
 
+#![allow(clippy::print_stdout, reason = "an example says what it finds")]
+
 use rosarium::flower::{OrganKind, RoseDescription, grow};
 use rosarium::geometry::Mesh;
 use rosarium::io;

@@ -2,6 +2,8 @@
 //!
 //! Run it: `cargo run --example 5_picture` (it writes picture.png, 64 x 64).
 
+#![allow(clippy::print_stdout, reason = "an example says what it finds")]
+
 use glam::UVec2;
 use rosarium::film::PixelRect;
 use rosarium::io::{self, png::Depth};

@@ -7,7 +7,7 @@
 //!    touches it in the middle of the blade, on which the flat petal is rolled without stretching:
 //!    s' = |(x, s + s0)| - s0, arc = (s' + s0) atan(x / (s + s0)), azimuth = arc / r(s'). Then cup and ruffle
 //!    displace it along its normal, within the petal's share of the space to its neighbours;
-//! 3. [`PetalSurface::roll`]: a margin within `width` of the rim bends back about the rim's direction by
+//! 3. `PetalSurface::roll`: a margin within `width` of the rim bends back about the rim's direction by
 //!    phi(q) = roll (1 - q / width)^2, q the distance to the rim, arc length kept; it stands off the cup by at
 //!    most the space before the next petal.
 //!

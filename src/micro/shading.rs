@@ -34,7 +34,7 @@
 //! Flat cells give f_e + f_S exactly (`flat_cells_are_two_phongs`). Reciprocal (`estimate_is_reciprocal`).
 //! Our reading: kd_S and ks_S are what leaves the petal, the way through the epidermis included; the spongy
 //! layer's light is not shadowed by the domes, as the thesis adds the two terms; the product of the layers'
-//! transmittances crosses the sheet and leaves it diffusely. Source: [Terado1999], abstract.
+//! transmittances crosses the sheet and leaves it diffusely. Source: [Terado1999](https://hdl.handle.net/10119/1220), abstract.
 
 use std::f32::consts::FRAC_1_PI;
 use std::sync::Arc;

@@ -2,7 +2,7 @@
 //!
 //! An override is merged into the parsed table before it becomes a description, so it passes the same
 //! checks as the file. serde reports a mistake inside a table with a `type` key without its place (such a
-//! table is buffered before its variant is known), so the place is found from outside: see [`culprit`].
+//! table is buffered before its variant is known), so the place is found from outside: see `culprit`.
 
 use serde::de::DeserializeOwned;
 use toml::Spanned;

@@ -1,4 +1,4 @@
-//! Light transport: from a [`Scene`] to a [`Film`].
+//! Light transport: from a [`Scene`] to a [`Film`](crate::film::Film).
 //!
 //! An [`Integrator`] estimates the light that a camera ray brings home; [`render()`] draws the rays, runs the
 //! integrator in parallel and adds to the film. Every number that a path draws depends only on (seed, pixel,
