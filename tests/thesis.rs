@@ -3,9 +3,9 @@
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use glam::{UVec2, Vec3};
-use rosarium::bsdf::{Bsdf, Phong};
-use rosarium::gonio::{GonioTable, Goniophotometer};
+use glam::{Mat3, UVec2, Vec3};
+use rosarium::bsdf::{Bsdf, Phong, Scatter};
+use rosarium::gonio::{Estimate, GonioTable, Goniophotometer};
 use rosarium::math::Sampler;
 use rosarium::math::frame::spherical;
 use rosarium::math::stats::{Welford, sidak, z_test};
@@ -13,7 +13,7 @@ use rosarium::micro::shading::{CellPetal, Footprint, Layer};
 use rosarium::micro::{CellDescription, CellField, Profile};
 use rosarium::scene::MemoryAssets;
 use rosarium::scene::description::PetalDescription;
-use rosarium::spectrum::{LANES, SampledWavelengths};
+use rosarium::spectrum::{LANES, SampledSpectrum, SampledWavelengths};
 use rosarium::validate;
 
 fn thesis() -> PetalDescription {
@@ -24,7 +24,7 @@ fn compile(d: &PetalDescription) -> CellPetal {
     d.compile("", &MemoryAssets::default()).unwrap()
 }
 
-fn measure(petal: &CellPetal, incident_deg: &[f64], rays: u64) -> GonioTable {
+fn measure(petal: &dyn Scatter, incident_deg: &[f64], rays: u64) -> GonioTable {
     let instrument = Goniophotometer {
         incident_deg: incident_deg.to_vec(),
         rays,
@@ -81,6 +81,35 @@ fn retro_index_grows_with_incidence_for_every_profile() {
             table.summary().incidences.iter().map(|i| i.mean.retro_index.unwrap()).collect();
         assert!(1.2 < index[0] && index[0] < index[1] && index[1] < index[2], "{profile:?} {index:?}");
     }
+}
+
+/// A sample turned about its normal, so that the lamp's azimuth is `degrees` from the lattice's rows.
+struct Turned(CellPetal, Mat3);
+
+impl Scatter for Turned {
+    fn scatter(
+        &self,
+        wi: Vec3,
+        lambda: &SampledWavelengths,
+        sampler: &mut Sampler,
+    ) -> Option<(Vec3, SampledSpectrum)> {
+        let (wo, weight) = self.0.scatter(self.1 * wi, lambda, sampler)?;
+        Some((self.1.transpose() * wo, weight))
+    }
+}
+
+/// Along its rows a regular lattice lets more light on towards the mirror than across them.
+#[test]
+fn a_regular_lattice_has_a_direction() {
+    let index = |degrees: f32| {
+        let petal = Turned(compile(&thesis()), Mat3::from_rotation_z(degrees.to_radians()));
+        measure(&petal, &[75.0], 200_000).incidences[0].mean.retro_index.unwrap()
+    };
+    let (along, across, again) = (index(0.0), index(30.0), index(60.0));
+    let apart = |a: Estimate, b: Estimate| (a.value - b.value) / a.standard_error.hypot(b.standard_error);
+    assert!(apart(across, along) > 4.0, "{along:?} {across:?}");
+    // The lattice has six rows through each cell.
+    assert!(apart(again, along).abs() < 3.0, "{along:?} {again:?}");
 }
 
 #[test]
