@@ -137,6 +137,15 @@ pub struct LightSample {
     pub delta: bool,
 }
 
+/// How the lights are drawn at a point.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Drawing {
+    /// One light, picked by its estimated irradiance.
+    One,
+    /// Every light once: for what the camera sees directly.
+    Each,
+}
+
 /// All lights of a scene.
 #[derive(Clone, Debug)]
 pub struct Lights {
@@ -173,18 +182,38 @@ impl Lights {
         self.cumulative[i + 1] - self.cumulative[i]
     }
 
+    /// Expected number of times that light `i` is drawn.
+    fn share(&self, i: usize, drawing: Drawing) -> f32 {
+        match drawing {
+            Drawing::One => self.pick_probability(i),
+            Drawing::Each => 1.0,
+        }
+    }
+
     /// Draws a direction from `p` towards a light. `None` where the chosen light sends nothing to `p`.
     pub fn sample(&self, p: Vec3, u_pick: f32, u: Vec2, lambda: &SampledWavelengths) -> Option<LightSample> {
         if self.emitters.is_empty() {
             return None;
         }
         let (i, _) = search(&self.cumulative, u_pick);
-        let pick = self.pick_probability(i);
+        self.sample_light(i, Drawing::One, p, u, lambda)
+    }
+
+    /// Draws a direction from `p` towards light `i`, which is drawn as `drawing` says.
+    pub fn sample_light(
+        &self,
+        i: usize,
+        drawing: Drawing,
+        p: Vec3,
+        u: Vec2,
+        lambda: &SampledWavelengths,
+    ) -> Option<LightSample> {
+        let pick = self.share(i, drawing);
         let far = |wi: Vec3| LightSample {
             wi,
             distance_mm: f32::INFINITY,
             radiance: self.environment(wi, lambda),
-            pdf_per_sr: self.pdf_environment(wi),
+            pdf_per_sr: self.pdf_environment(wi, drawing),
             delta: false,
         };
         let sample = match &self.emitters[i] {
@@ -252,10 +281,10 @@ impl Lights {
     }
 
     /// Density with which [`Lights::sample`] draws the direction `w` to the lights at infinity, 1/sr.
-    pub fn pdf_environment(&self, w: Vec3) -> f32 {
+    pub fn pdf_environment(&self, w: Vec3, drawing: Drawing) -> f32 {
         let mut sum = 0.0;
         for (i, e) in self.emitters.iter().enumerate() {
-            sum += self.pick_probability(i)
+            sum += self.share(i, drawing)
                 * match e {
                     Emitter::Constant { .. } => warp::SPHERE_PDF,
                     Emitter::Image { image, .. } => image.pdf(w),
@@ -278,10 +307,10 @@ impl Lights {
 
     /// Density with which [`Lights::sample`] at `from` draws the direction to the point `on` of the glowing
     /// surface `emitter` with geometric normal `ng`, 1/sr.
-    pub fn pdf_area(&self, emitter: u32, from: Vec3, on: Vec3, ng: Vec3) -> f32 {
+    pub fn pdf_area(&self, emitter: u32, from: Vec3, on: Vec3, ng: Vec3, drawing: Drawing) -> f32 {
         match self.emitters.get(emitter as usize) {
             Some(Emitter::Area(area)) if area.glows(ng, from - on) => {
-                self.pick_probability(emitter as usize) * area.pdf(from, on, ng)
+                self.share(emitter as usize, drawing) * area.pdf(from, on, ng)
             }
             _ => 0.0,
         }
@@ -468,7 +497,7 @@ mod tests {
             for i in 0..fine * fine {
                 let u = Vec2::new((i % fine) as f32 + 0.5, (i / fine) as f32 + 0.5) / fine as f32;
                 let w = warp::square_to_sphere(u);
-                let p = f64::from(l.pdf_environment(w) * 2.0 * TAU) / (fine * fine) as f64;
+                let p = f64::from(l.pdf_environment(w, Drawing::One) * 2.0 * TAU) / (fine * fine) as f64;
                 total += p;
                 expected[bin(w)] += p * f64::from(n);
             }
@@ -492,9 +521,12 @@ mod tests {
             let Some(d) = l.sample(p, 0.999, s.next_2d(), &lambda()) else { continue };
             let on = p + d.wi * d.distance_mm;
             assert!((on.z - 30.0).abs() < 1e-3);
-            assert!((l.pdf_area(1, p, on, -UP) / d.pdf_per_sr - 1.0).abs() < 1e-3);
+            assert!((l.pdf_area(1, p, on, -UP, Drawing::One) / d.pdf_per_sr - 1.0).abs() < 1e-3);
         }
-        assert_eq!(l.pdf_area(1, Vec3::new(0.0, 0.0, 90.0), Vec3::new(15.0, 0.0, 30.0), -UP), 0.0);
+        assert_eq!(
+            l.pdf_area(1, Vec3::new(0.0, 0.0, 90.0), Vec3::new(15.0, 0.0, 30.0), -UP, Drawing::One),
+            0.0
+        );
     }
 
     #[test]

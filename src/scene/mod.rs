@@ -33,7 +33,7 @@ pub use assets::{Assets, DiskAssets, MemoryAssets};
 pub use camera::{Camera, CameraRay};
 pub use compile::{Scene, compile};
 pub use description::{SceneDescription, schema};
-pub use emitter::{Emitter, LightSample, Lights};
+pub use emitter::{Drawing, Emitter, LightSample, Lights};
 pub use load::{Loaded, Override, load};
 pub use locate::Source;
 pub use material::Material;

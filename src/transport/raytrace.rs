@@ -7,11 +7,11 @@
 //! Limits: biased by intent. What a sheet lets through keeps its direction here, where `path` scatters it.
 //! Without sheets between, equal to the direct light of `path` (`raytrace_is_the_direct_light_of_path`).
 
-use super::path::FIRST_DIMENSION;
+use super::path::{DIMENSIONS_PER_LIGHT, FIRST_DIMENSION};
 use super::shade::Shading;
 use super::{Incident, Integrator, PixelRay};
 use crate::math::Sampler;
-use crate::scene::Scene;
+use crate::scene::{Drawing, Scene};
 use crate::spectrum::SampledWavelengths;
 
 /// Direct light with attenuating shadows.
@@ -36,14 +36,14 @@ impl Integrator for Raytrace {
         if let Some(emitter) = scene.shapes[at.shape as usize].emitter {
             result.direct = scene.lights.emitted(emitter, at.ng, -ray.direction, lambda);
         }
-        sampler.start_dimension(FIRST_DIMENSION);
         let shading = Shading::new(scene, at, -ray.direction, Some(pixel), scene.petal.samples);
-        let u_pick = sampler.next_1d();
-        let u_light = sampler.next_2d();
-        if let Some(light) = scene.lights.sample(at.p, u_pick, u_light, lambda) {
-            let (f_cos, _) = shading.eval(light.wi, lambda, sampler);
-            if !f_cos.is_zero() {
-                let share = scene.transmitted(&at, light.wi, light.distance_mm, lambda);
+        for i in 0..scene.lights.emitters().len() {
+            sampler.start_dimension(FIRST_DIMENSION + DIMENSIONS_PER_LIGHT * i as u32);
+            let u = sampler.next_2d();
+            let Some(light) = scene.lights.sample_light(i, Drawing::Each, at.p, u, lambda) else { continue };
+            let share = scene.transmitted(&at, light.wi, light.distance_mm, lambda);
+            if !share.is_zero() {
+                let (f_cos, _) = shading.eval(light.wi, lambda, sampler);
                 result.direct += f_cos * light.radiance * share * (1.0 / light.pdf_per_sr);
             }
         }

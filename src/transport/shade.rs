@@ -62,6 +62,11 @@ impl<'a> Shading<'a> {
         real * (wi_local.z * self.wo_local.z) > 0.0
     }
 
+    /// Is the value an estimate from walks through cells?
+    pub(super) fn is_walk(&self) -> bool {
+        self.material.bsdf().is_none()
+    }
+
     /// `f |cos|` towards `wi`, and the density with which [`Shading::sample`] draws `wi`; `None` for a walk.
     pub(super) fn eval(
         &self,
