@@ -26,6 +26,8 @@ use super::dome::{Dome, Profile};
 use super::lattice::{Channel, Lattice, disorder};
 use crate::Result;
 
+mod locate;
+
 /// A ray that crosses this many cells without a hit has none. With the thesis' pitch that is 9 cm.
 pub const MAX_CELLS: usize = 4096;
 
@@ -94,13 +96,6 @@ struct Edge {
     neighbor: u32,
 }
 
-/// Bin of the locator: the cell that owns the bin's middle, and in which copy of the tile.
-#[derive(Clone, Copy, Debug)]
-struct Bin {
-    cell: u32,
-    tile: [i8; 2],
-}
-
 /// The domes of one petal surface, ready for rays.
 #[derive(Clone, Debug)]
 pub struct CellField {
@@ -111,7 +106,7 @@ pub struct CellField {
     top: f64,
     cells: Vec<Cell>,
     edges: Vec<Edge>,
-    bins: Vec<Bin>,
+    bins: Vec<locate::Bin>,
     bins_shape: [usize; 2],
     max_height: f64,
 }
@@ -444,56 +439,6 @@ impl CellField {
 
     fn edges_of(&self, cell: &Cell) -> &[Edge] {
         &self.edges[cell.first_edge as usize..(cell.first_edge + cell.edges) as usize]
-    }
-
-    /// The cell that owns a point: the bin's cell, then downhill to the nearest centre.
-    fn locate(&self, xy: DVec2) -> Place {
-        let tile_um = self.lattice.tile_um;
-        let tile = (xy / tile_um).floor();
-        let fraction = xy / tile_um - tile;
-        let [nx, ny] = self.bins_shape;
-        let ix = ((fraction.x * nx as f64) as usize).min(nx - 1);
-        let iy = ((fraction.y * ny as f64) as usize).min(ny - 1);
-        let bin = self.bins[iy * nx + ix];
-        let base = (tile + DVec2::new(f64::from(bin.tile[0]), f64::from(bin.tile[1]))) * tile_um;
-        self.descend(Place { cell: bin.cell, site: base + self.cells[bin.cell as usize].site }, xy)
-    }
-
-    /// Moves across the side that the point violates most until it violates none; each move is nearer.
-    fn descend(&self, mut place: Place, xy: DVec2) -> Place {
-        for _ in 0..MAX_CELLS {
-            let q = xy - place.site;
-            let mut worst = 1e-12;
-            let mut next = None;
-            for edge in self.edges_of(&self.cells[place.cell as usize]) {
-                let beyond = q.dot(edge.delta) - edge.half;
-                if beyond > worst * edge.half {
-                    (worst, next) = (beyond / edge.half, Some(edge));
-                }
-            }
-            let Some(edge) = next else { break };
-            place = Place { cell: edge.neighbor, site: place.site + edge.delta };
-        }
-        place
-    }
-
-    /// Two bins per pitch along each axis.
-    fn fill_bins(&mut self) {
-        let tile_um = self.lattice.tile_um;
-        let counts = (tile_um / self.description.pitch_um * 2.0).ceil();
-        let [nx, ny] = [counts.x as usize, counts.y as usize];
-        let mut place = Place { cell: 0, site: self.cells[0].site };
-        let mut bins = Vec::with_capacity(nx * ny);
-        for iy in 0..ny {
-            for ix in 0..nx {
-                let middle = DVec2::new(ix as f64 + 0.5, iy as f64 + 0.5) / counts;
-                place = self.descend(place, middle * tile_um);
-                let tile = ((place.site - self.cells[place.cell as usize].site) / tile_um).round();
-                bins.push(Bin { cell: place.cell, tile: [tile.x as i8, tile.y as i8] });
-            }
-        }
-        self.bins = bins;
-        self.bins_shape = [nx, ny];
     }
 }
 

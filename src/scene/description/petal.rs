@@ -46,7 +46,7 @@ pub struct ShadingDescription {
     /// Reflectance of the lower (abaxial) side, 0 to 1. Default 0.45.
     pub abaxial: SpectrumDescription,
     /// Anthocyanin in the upper epidermis, ug/cm2, 0 to 1000. Light that the epidermis scatters crosses it
-    /// once, light from the spongy layer twice, light through the petal once; highlights not at all. Default 32.
+    /// once, light from the spongy layer twice, light through the petal once; highlights not at all. Default 45.
     pub anthocyanin_ug_per_cm2: f64,
     /// Anthocyanin in the lower epidermis, ug/cm2, 0 to 1000. Light that the lower side reflects crosses it
     /// twice, light through the petal once. Default 20.
@@ -88,7 +88,7 @@ impl Default for ShadingDescription {
             epidermis: layer(0.28, 0.031, 20.0, 0.85),
             spongy: layer(0.18, 0.02, 2.0, 0.45),
             abaxial: SpectrumDescription::Constant(0.45),
-            anthocyanin_ug_per_cm2: 32.0,
+            anthocyanin_ug_per_cm2: 45.0,
             anthocyanin_abaxial_ug_per_cm2: 20.0,
         }
     }
