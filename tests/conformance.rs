@@ -1,6 +1,8 @@
 //! Every shipped model against every property of the conformance suite, one named test each.
 
-use rosarium::validate::{Settings, Test, check_property, check_scatter, shipped};
+use rosarium::validate::{
+    Settings, Test, check_petal, check_property, check_scatter, shipped, shipped_petals,
+};
 
 fn holds(name: &str, test: Test) {
     let models = shipped().expect("the shipped parameters are valid");
@@ -58,4 +60,15 @@ fn scattering_by_a_bsdf_conserves_energy() {
     let wrong = rosarium::validate::wrong::Wrong::Albedo;
     let report = check_scatter("wrong", &wrong, &Settings { samples: 10_000, ..Settings::default() });
     assert_eq!(report.failed(), [Test::Energy], "{report:?}");
+}
+
+#[test]
+fn petals_estimate_what_they_scatter() {
+    let petals = shipped_petals().expect("the shipped petals are valid");
+    assert!(!petals.is_empty());
+    for (name, petal) in petals {
+        let report = check_petal(name, &petal, &Settings { samples: 40_000, ..Settings::default() });
+        assert_eq!(report.rows.len(), 5);
+        assert!(report.passed(), "{report:#?}");
+    }
 }

@@ -2,8 +2,9 @@
 
 use glam::{Vec2, Vec3};
 use rosarium::bsdf::{Bsdf, BsdfSample, Lambert};
+use rosarium::math::Sampler;
 use rosarium::spectrum::{SampledSpectrum, SampledWavelengths};
-use rosarium::validate::{Report, Settings, Test, check_bsdf, shipped, wrong};
+use rosarium::validate::{Report, Settings, Test, check_bsdf, check_estimator, shipped, wrong};
 
 fn report_of(name: &str) -> Report {
     let mut models = shipped().expect("the shipped parameters are valid");
@@ -134,4 +135,24 @@ fn energy_is_checked_on_both_sides_and_at_every_wavelength() {
         f * SampledSpectrum(gain)
     };
     assert_eq!(failed(red, |p| p, |s| s), [Test::Energy]);
+}
+
+#[test]
+fn estimators_that_do_not_match_are_rejected() {
+    let sound = Lambert::new(0.8.into()).expect("valid");
+    let settings = Settings { samples: 20_000, ..Settings::default() };
+    // Noise that averages out, times what may be wrong.
+    let failed = |factor: &(dyn Fn(Vec3, Vec3) -> f32 + Sync)| {
+        let estimate = |wo: Vec3, wi: Vec3, lambda: &SampledWavelengths, s: &mut Sampler| {
+            sound.eval(wo, wi, lambda) * (2.0 * s.next_1d() * factor(wo, wi))
+        };
+        check_estimator("spoiled", &sound, &estimate, &settings).failed()
+    };
+    assert_eq!(failed(&|_, _| 1.0), []);
+    assert_eq!(failed(&|_, _| 1.08), [Test::Weight]);
+    // As much light, but away from the viewer's azimuth.
+    assert_eq!(failed(&|wo, wi| 1.0 - 0.3 * wo.truncate().dot(wi.truncate())), [Test::Weight]);
+    assert!(failed(&|wo, _| 1.0 + 0.2 * wo.z.abs()).contains(&Test::Reciprocity));
+    assert_eq!(failed(&|wo, _| if wo.z.abs() < 1e-3 { f32::NAN } else { 1.0 }), [Test::Grazing]);
+    assert_eq!(failed(&|_, wi| if wi.z.abs() < 1e-5 { -1.0 } else { 1.0 }), [Test::Grazing]);
 }

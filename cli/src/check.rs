@@ -3,9 +3,7 @@
 use std::fmt::Write;
 
 use rayon::prelude::*;
-use rosarium::scene::description::PetalDescription;
-use rosarium::scene::{DiskAssets, load, petal};
-use rosarium::validate::{self, Report, Settings, Test, check_bsdf, check_scatter, wrong};
+use rosarium::validate::{self, Report, Settings, Test, check_bsdf, check_petal, wrong};
 use rosarium::{Error, Result};
 use serde_json::json;
 
@@ -43,7 +41,8 @@ pub(crate) fn run(args: &Args, global: Global) -> Result<Outcome> {
     let mut models = validate::shipped()?;
     models.extend(wrong::all());
     let bar = progress::Bar::new("check");
-    let total = (models.len() + petal::PRESETS.len()) as u64;
+    let petals = validate::shipped_petals()?;
+    let total = (models.len() + petals.len()) as u64;
     let done = std::sync::atomic::AtomicU64::new(0);
     let count = || bar.show(1 + done.fetch_add(1, std::sync::atomic::Ordering::Relaxed), total);
     let mut verdicts: Vec<Verdict> = models
@@ -62,17 +61,19 @@ pub(crate) fn run(args: &Args, global: Global) -> Result<Outcome> {
             })
         })
         .collect::<Result<_>>()?;
-    for (name, text) in petal::PRESETS {
-        if progress::stopped() {
-            return Err(Error::Cancelled);
-        }
-        let loaded = load::<PetalDescription>(text, name, &[])?;
-        let sample = loaded.description.compile("", &DiskAssets { base: Default::default() })?;
-        let name = format!("petal {name}");
-        let report = check_scatter(&name, &sample, &settings);
-        count();
-        verdicts.push(Verdict { name, as_expected: report.passed(), flaw: None, report });
-    }
+    let checked: Vec<Verdict> = petals
+        .par_iter()
+        .map(|(name, petal)| {
+            if progress::stopped() {
+                return Err(Error::Cancelled);
+            }
+            let name = format!("petal {name}");
+            let report = check_petal(&name, petal, &settings);
+            count();
+            Ok(Verdict { name, as_expected: report.passed(), flaw: None, report })
+        })
+        .collect::<Result<_>>()?;
+    verdicts.extend(checked);
     drop(bar);
 
     let failures = verdicts.iter().filter(|v| !v.as_expected).count();

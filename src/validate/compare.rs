@@ -3,7 +3,7 @@
 //! `rmse = sqrt(mean (x - r)^2)`, `relmse = mean (x - r)^2 / (r^2 + epsilon)` (the usual measure of rendering
 //! error, which weighs dark and bright pixels alike). The z test takes the variance of each pixel's mean in
 //! both images; it looks at the worst pixel, with Sidak's correction for their number, and at the mean over
-//! all pixels, which finds a bias far below the noise of one pixel.
+//! all pixels, which finds a bias far below the noise of one pixel; [`accepted_share`] forgives a few pixels.
 //! Guarded by `noise_passes_and_bias_does_not`.
 
 use crate::math::stats::{sidak, z_test};
@@ -72,6 +72,28 @@ pub fn z_test_images(a: &[f32], a_variance: &[f32], b: &[f32], b_variance: &[f32
     Ok(test)
 }
 
+/// Share of the pixels whose difference noise explains, each tested at Sidak's level, so that in two right images
+/// all of them pass with probability `1 - significance`. For images whose noise has longer tails than a normal
+/// distribution's, which a few of many pixels show.
+pub fn accepted_share(
+    a: &[f32],
+    a_variance: &[f32],
+    b: &[f32],
+    b_variance: &[f32],
+    significance: f64,
+) -> Result<f64> {
+    for other in [a_variance, b, b_variance] {
+        check_lengths(a, other)?;
+    }
+    let level = sidak(significance, a.len());
+    let explained = |i: &usize| {
+        let variance = f64::from(a_variance[*i]) + f64::from(b_variance[*i]);
+        // NaN is not explained.
+        z_test(f64::from(a[*i]) - f64::from(b[*i]), variance).p_value >= level
+    };
+    Ok((0..a.len()).filter(explained).count() as f64 / a.len() as f64)
+}
+
 fn mean_of_pairs(image: &[f32], reference: &[f32], f: impl Fn(f64, f64) -> f64) -> Result<f64> {
     check_lengths(image, reference)?;
     let sum: f64 = image.iter().zip(reference).map(|(&x, &r)| f(f64::from(x), f64::from(r))).sum();
@@ -120,6 +142,11 @@ mod tests {
         // One firefly.
         let mut d = b.clone();
         d[77] *= 1.5;
+        assert_eq!(accepted_share(&b, &vb, &a, &va, 1e-3)?, 1.0);
+        assert_eq!(accepted_share(&d, &vb, &a, &va, 1e-3)?, 1.0 - 1.0 / 4096.0);
+        d[78] = f32::NAN;
+        assert_eq!(accepted_share(&d, &vb, &a, &va, 1e-3)?, 1.0 - 2.0 / 4096.0);
+        d[78] = b[78];
         let t = z_test_images(&d, &vb, &a, &va)?;
         assert!(t.pixel == 77 && t.largest_z > 6.0 && !t.passed(1e-3), "{t:?}");
         Ok(())

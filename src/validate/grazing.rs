@@ -11,7 +11,7 @@ use crate::math::Sampler;
 use crate::math::warp::square_to_sphere;
 use crate::spectrum::{SampledSpectrum, SampledWavelengths};
 
-const COSINES: [f32; 4] = [1e-3, 1e-4, 1e-5, 1e-6];
+pub(super) const COSINES: [f32; 4] = [1e-3, 1e-4, 1e-5, 1e-6];
 
 pub(super) fn is_finite_at_grazing(bsdf: &dyn Bsdf, settings: &Settings) -> Row {
     let lambda = SampledWavelengths::visible(0.5);
@@ -63,7 +63,7 @@ pub(super) fn is_finite_at_grazing(bsdf: &dyn Bsdf, settings: &Settings) -> Row 
     worst.row(Test::Grazing)
 }
 
-fn at_cosine(cos: f32, phi: f32) -> Vec3 {
+pub(super) fn at_cosine(cos: f32, phi: f32) -> Vec3 {
     let sin = (1.0 - cos * cos).sqrt();
     Vec3::new(sin * phi.cos(), sin * phi.sin(), cos)
 }

@@ -2,7 +2,7 @@
 //!
 //! Nothing here prints or panics: every check returns its statistic, its tolerance and whether it passed.
 //! [`check_bsdf`] runs the conformance suite over one model, [`check_scatter`] what can be said of a thing
-//! that may only be simulated, [`shipped()`] lists the models that the program ships, and [`compare`] weighs
+//! that may only be simulated, [`check_petal`] also its estimate, [`shipped()`] and [`shipped_petals`] list the models that the program ships, and [`compare`] weighs
 //! images. [`wrong`] holds models with one deliberate fault each, to show that the suite rejects them.
 //!
 //! | test | claim | statistic | fails |
@@ -19,6 +19,7 @@
 
 mod chi_square;
 mod energy;
+mod estimator;
 mod grazing;
 mod reciprocity;
 mod scatter;
@@ -33,8 +34,9 @@ use crate::bsdf::Bsdf;
 use crate::geometry::Side;
 use crate::math::frame::spherical;
 
+pub use estimator::{Estimate, check_estimator, check_petal};
 pub use scatter::check_scatter;
-pub use shipped::{Flaw, Shipped, shipped};
+pub use shipped::{Flaw, Shipped, shipped, shipped_petals};
 
 /// How thoroughly to check. The default takes about a second of one core per model.
 #[derive(Clone, Debug, PartialEq)]

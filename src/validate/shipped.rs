@@ -3,6 +3,10 @@
 use super::{Report, Test};
 use crate::Result;
 use crate::bsdf::{Bsdf, DiffuseTransmission, Lambert, LiteralPhong, Phong};
+use crate::micro::shading::CellPetal;
+use crate::scene::description::PetalDescription;
+use crate::scene::petal::PRESETS;
+use crate::scene::{MemoryAssets, load};
 use crate::spectrum::Spectrum;
 
 /// A model to be checked.
@@ -64,4 +68,13 @@ pub fn shipped() -> Result<Vec<Shipped>> {
         }),
     });
     Ok(all)
+}
+
+/// Every petal of cells that comes with the program, for [`super::check_petal`].
+pub fn shipped_petals() -> Result<Vec<(&'static str, CellPetal)>> {
+    let petal = |&(name, text): &(&'static str, &str)| {
+        let description = load::<PetalDescription>(text, name, &[])?.description;
+        Ok((name, description.compile("", &MemoryAssets::default())?))
+    };
+    PRESETS.iter().map(petal).collect()
 }

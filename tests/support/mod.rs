@@ -1,5 +1,7 @@
 //! What the tests of whole pictures share.
 
+#![allow(dead_code, reason = "each test uses a part of it")]
+
 use glam::UVec2;
 use rosarium::film::PixelRect;
 use rosarium::io::exr::{Channels, Plane, write_channels};
