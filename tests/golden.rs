@@ -18,7 +18,8 @@ use rosarium::film::{Film, ToneMap};
 use rosarium::io::exr::{Channels, Plane, read_channels, write_channels};
 use rosarium::io::png;
 use rosarium::math::stats::sidak;
-use rosarium::scene::{DEFAULT_SCENE, Scene};
+use rosarium::scene::description::{SceneDescription, SpectrumDescription};
+use rosarium::scene::{DEFAULT_SCENE, Scene, compile};
 use rosarium::transport::{NoProgress, RenderSettings, render};
 use rosarium::validate::compare::{accepted_share, z_test_images};
 
@@ -30,17 +31,19 @@ const REFERENCE_SPP: u32 = 4096;
 
 const SMALL: [&str; 3] = ["film.width=40", "film.height=40", "petal.samples=2"];
 
-fn scene(name: &str, more: &[&str]) -> Scene {
-    let (text, mut overrides) = match name {
-        "rose" => (DEFAULT_SCENE, SMALL.to_vec()),
-        "thesis" => (include_str!("../scenes/thesis.toml"), SMALL.to_vec()),
-        "room" => (include_str!("golden/room.toml"), vec![]),
-        "lens" => (include_str!("golden/lens.toml"), vec![]),
-        "cells" => (include_str!("golden/cells.toml"), vec![]),
+fn description(name: &str) -> SceneDescription {
+    match name {
+        "rose" => support::describe(DEFAULT_SCENE, &SMALL),
+        "thesis" => support::describe(include_str!("../scenes/thesis.toml"), &SMALL),
+        "room" => support::describe(include_str!("golden/room.toml"), &[]),
+        "lens" => support::describe(include_str!("golden/lens.toml"), &[]),
+        "cells" => support::describe(include_str!("golden/cells.toml"), &[]),
         _ => panic!("no scene named {name}"),
-    };
-    overrides.extend(more);
-    support::scene_with(text, &overrides, &support::sky())
+    }
+}
+
+fn compiled(description: &SceneDescription) -> Scene {
+    compile(description, &support::sky()).unwrap_or_else(|e| panic!("{e}"))
 }
 
 fn rendered(scene: &Scene, spp: u32, seed: u64) -> Film {
@@ -160,7 +163,7 @@ fn reference(name: &str) -> Picture {
 }
 
 fn is_golden(name: &str) {
-    let scene = scene(name, &[]);
+    let scene = compiled(&description(name));
     if std::env::var_os("ROSARIUM_BLESS").is_some() {
         let film = rendered(&scene, REFERENCE_SPP, REFERENCE_SEED);
         fs::write(reference_path(name), Picture::of(&film, REFERENCE_SPP).to_exr()).unwrap();
@@ -190,8 +193,9 @@ fn opaque_petals_are_noticed() {
         return;
     }
     for name in ["rose", "room", "lens"] {
-        let scene = scene(name, &["petal.shading.epidermis.transmittance=0"]);
-        let picture = Picture::of(&rendered(&scene, 64, 2), 64);
+        let mut opaque = description(name);
+        opaque.petal.shading.epidermis.transmittance = SpectrumDescription::Constant(0.0);
+        let picture = Picture::of(&rendered(&compiled(&opaque), 64, 2), 64);
         assert!(!differences(&picture, &reference(name)).is_empty(), "{name}");
     }
 }

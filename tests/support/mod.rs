@@ -8,12 +8,15 @@ use rosarium::io::exr::{Channels, Plane, write_channels};
 use rosarium::scene::{MemoryAssets, Override, Scene, SceneDescription, compile, load};
 use rosarium::transport::{Integrator, Path, Raytrace, RenderSettings};
 
-/// Compiles a scene whose files are `assets`, with overrides such as `film.width=8`.
-pub(crate) fn scene_with(text: &str, overrides: &[&str], assets: &MemoryAssets) -> Scene {
+/// A scene file with overrides such as `film.width=8`.
+pub(crate) fn describe(text: &str, overrides: &[&str]) -> SceneDescription {
     let overrides: Vec<Override> = overrides.iter().map(|o| Override::parse(o).unwrap()).collect();
-    let description: SceneDescription =
-        load(text, "test", &overrides).unwrap_or_else(|e| panic!("{e}")).description;
-    compile(&description, assets).unwrap_or_else(|e| panic!("{e}"))
+    load(text, "test", &overrides).unwrap_or_else(|e| panic!("{e}")).description
+}
+
+/// Compiles a scene whose files are `assets`.
+pub(crate) fn scene_with(text: &str, overrides: &[&str], assets: &MemoryAssets) -> Scene {
+    compile(&describe(text, overrides), assets).unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// The integrator that a scene asks for.
