@@ -29,7 +29,7 @@ const ACCEPTED: f64 = 0.9975;
 const REFERENCE_SEED: u64 = 1;
 const REFERENCE_SPP: u32 = 4096;
 
-const SMALL: [&str; 3] = ["film.width=40", "film.height=40", "petal.samples=2"];
+const SMALL: [&str; 4] = ["film.width=40", "film.height=40", "petal.samples=2", "render.spp=64"];
 
 fn description(name: &str) -> SceneDescription {
     match name {
