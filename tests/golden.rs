@@ -29,7 +29,10 @@ const ACCEPTED: f64 = 0.9975;
 const REFERENCE_SEED: u64 = 1;
 const REFERENCE_SPP: u32 = 4096;
 
-const SMALL: [&str; 4] = ["film.width=40", "film.height=40", "petal.samples=2", "render.spp=64"];
+/// Rare bright samples make a pixel's mean far from normal: many samples, and a box filter, where the tail of a
+/// window would meet a lit edge beside a dark pixel once in thousands. Other filters are in the other scenes.
+const SMALL: [&str; 5] =
+    ["film.width=40", "film.height=40", "film.filter=\"box\"", "petal.samples=2", "render.spp=256"];
 
 fn description(name: &str) -> SceneDescription {
     match name {
