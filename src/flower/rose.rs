@@ -490,7 +490,8 @@ mod tests {
 
     #[test]
     fn bad_descriptions_are_refused() {
-        let bad: [(&str, fn(&mut RoseDescription)); 8] = [
+        type Spoil = fn(&mut RoseDescription);
+        let bad: [(&str, Spoil); 8] = [
             ("rose.petals", |d| d.petals = 0),
             ("rose.detail", |d| d.detail = 0.0),
             ("rose.divergence_deg", |d| d.divergence_deg = f64::INFINITY),

@@ -198,7 +198,7 @@ mod tests {
             let sign = |i: usize| {
                 if i >= n - n % 2 {
                     0.0
-                } else if i % 2 == 0 {
+                } else if i.is_multiple_of(2) {
                     1.0
                 } else {
                     -1.0

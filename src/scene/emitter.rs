@@ -472,7 +472,7 @@ mod tests {
 
     #[test]
     fn directions_follow_the_density() {
-        let cases = vec![
+        let cases = [
             lights(vec![constant(1.0)]),
             lights(vec![image()]),
             lights(vec![cone(Vec3::new(0.5, 0.2, 0.4), 50.0, 1.0)]),
