@@ -16,7 +16,7 @@ use rosarium::scene::{DEFAULT_SCENE, MemoryAssets, Scene, SceneDescription, comp
 
 const SIDE: u32 = 128;
 /// Middle of the key light of the default scene, mm.
-const LAMP_MM: Vec3 = Vec3::new(260.0, -300.0, 380.0);
+const LAMP_MM: Vec3 = Vec3::new(260.0, -230.0, 380.0);
 
 fn scene() -> Scene {
     let loaded = load::<SceneDescription>(DEFAULT_SCENE, "default", &[]).expect("the built-in scene loads");

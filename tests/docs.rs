@@ -2,7 +2,13 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
+
+use rosarium::gonio::Goniophotometer;
+use rosarium::micro::Profile;
+use rosarium::scene::MemoryAssets;
+use rosarium::scene::description::PetalDescription;
 
 fn sources() -> BTreeMap<String, String> {
     fn collect(folder: &Path, into: &mut Vec<PathBuf>) {
@@ -139,4 +145,40 @@ fn references_exist() {
         }
     }
     assert!(seen > 0, "the test no longer finds references");
+}
+
+/// The page's first table says what this program measures today, not what it measured once.
+#[test]
+fn numbers_of_the_thesis_page_are_current() {
+    let page = fs::read_to_string("docs/thesis.md").unwrap();
+    for (profile, name) in [(Profile::Cosine, "cosine"), (Profile::Flat, "flat")] {
+        let start = format!("| `-D cells.profile={name}`");
+        let row = page.lines().find(|l| l.starts_with(&start)).unwrap();
+        let printed: Vec<Vec<f64>> = row
+            .trim_matches('|')
+            .split('|')
+            .skip(1)
+            .map(|cell| cell.split('±').map(|n| n.trim().parse().unwrap()).collect())
+            .collect();
+        let mut petal = PetalDescription::default();
+        petal.cells.profile = profile;
+        let instrument = Goniophotometer {
+            incident_deg: vec![30.0, 60.0, 75.0],
+            rays: 200_000,
+            seed: 1,
+            bands_nm: vec![450.0, 550.0, 650.0],
+            ..Goniophotometer::default()
+        };
+        let petal = petal.compile("", &MemoryAssets::default()).unwrap();
+        let table = instrument.measure(&petal, &|_, _| ControlFlow::Continue(())).unwrap();
+        for (cell, incidence) in printed.iter().zip(&table.incidences) {
+            let index = incidence.mean.retro_index.unwrap();
+            let z = (cell[0] - index.value) / cell[1].hypot(index.standard_error);
+            assert!(
+                z.abs() < 4.0,
+                "{name}, {} deg: {cell:?} {index:?}; run scripts/measure_thesis",
+                incidence.incident_deg
+            );
+        }
+    }
 }
