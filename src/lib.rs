@@ -3,7 +3,7 @@
 //! Two pipelines meet in the BSDF:
 //!
 //! ```text
-//! measure:  CellDescription --micro--> cells --gonio--> GonioTable
+//! measure:  CellDescription --micro--> cells --gonio--> GonioTable --fit--> petal
 //! render:   SceneDescription --scene::compile--> Scene --transport--> Film --io--> .exr .png
 //!               ^ flower: Rose -> organs -> Mesh              validate: checks any arrow
 //! ```
@@ -20,6 +20,7 @@ pub mod geometry;
 pub mod bsdf;
 pub mod micro;
 pub mod gonio;
+pub mod fit;
 pub mod flower;
 pub mod film;
 pub mod io;

@@ -6,6 +6,9 @@
 //! [`PlaneScan`] of the plane of incidence, hemispherical totals with an energy ledger, and the
 //! retro-reflection index.
 //!
+//! What laboratories deliver is a [`Measurement`], readings in any order; what can be asked for any two directions is
+//! [`Directional`].
+//!
 //! Frame of the instrument: +z is the normal of the **lit** side, the lamp stands at azimuth 0 (+x), so
 //! exitant azimuth 0 is the lamp's side and 180 the mirror's side. To light the abaxial side the sample is
 //! turned over about the x axis: (x, y, z) of the instrument is (x, -y, -z) of the sample.
@@ -15,7 +18,11 @@ pub mod retro;
 pub mod table;
 mod counters;
 pub mod goniophotometer;
+pub mod measurement;
+pub mod directional;
 
+pub use directional::{Coverage, Directional, directional_hemispherical};
 pub use goniophotometer::Goniophotometer;
 pub use grid::{ExitantGrid, PlaneScan};
+pub use measurement::{Band, Measurement, Reading, Scale};
 pub use table::{Estimate, GonioTable, Incidence, Ledger, Totals};
