@@ -10,6 +10,12 @@
 
 pub mod model;
 pub mod result;
+pub mod audit;
+pub mod report;
+#[cfg(test)]
+pub(crate) mod toy;
 
+pub use audit::Audit;
 pub use model::{Geometry, Kind, Model, Parameter, Prepared};
+pub use report::{DataInfo, LadderRow, Report};
 pub use result::{Correlation, End, Fit, Fitted, Interval, State};

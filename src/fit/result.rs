@@ -143,6 +143,12 @@ pub struct Fit {
 }
 
 impl Fit {
+    /// Gain of a series; 1 where it was not fitted.
+    pub fn gain(&self, series: &str) -> f64 {
+        let name = format!("gain[{series}]");
+        self.parameters.iter().find(|p| p.name == name).map_or(1.0, |p| p.value)
+    }
+
     /// Values of the model's parameters for one band, in the model's order.
     pub fn band_values(&self, model: &dyn super::Model, band: usize) -> Vec<f64> {
         model

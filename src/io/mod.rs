@@ -12,6 +12,7 @@ pub mod obj;
 pub mod gltf;
 pub mod gonio_csv;
 pub mod lobe_plot;
+pub mod fit_text;
 pub mod cell_plot;
 
 pub use image::Image;
