@@ -11,6 +11,8 @@ pub mod ply;
 pub mod obj;
 pub mod gltf;
 pub mod gonio_csv;
+pub mod merl;
+pub mod utia;
 pub mod lobe_plot;
 pub mod fit_text;
 pub mod cell_plot;
