@@ -80,7 +80,10 @@ fn write_cells(table: &dyn Directional, planes: [usize; 3], cells: [usize; 3]) -
     let bands = table.bands().len();
     for (plane, band) in ["red", "green", "blue"].iter().zip(planes) {
         if band >= bands {
-            return Err(Error::invalid("MERL", format!("{plane} is band {band}, but there are {bands} bands")));
+            return Err(Error::invalid(
+                "MERL",
+                format!("{plane} is band {band}, but there are {bands} bands"),
+            ));
         }
     }
     if !table.coverage().reflection_adaxial {
@@ -92,7 +95,9 @@ fn write_cells(table: &dyn Directional, planes: [usize; 3], cells: [usize; 3]) -
         .flat_map_iter(|row| {
             let mut buffers = (vec![0.0; bands], vec![0.0; bands]);
             let (h, d) = (row / n_d, row % n_d);
-            (0..n_p).map(move |p| cell_value(table, planes, cells, [h, d, p], &mut buffers)).collect::<Vec<_>>()
+            (0..n_p)
+                .map(move |p| cell_value(table, planes, cells, [h, d, p], &mut buffers))
+                .collect::<Vec<_>>()
         })
         .collect();
     let mut bytes = Vec::with_capacity(HEADER_BYTES + rows.len() * 3 * 8);
@@ -252,7 +257,10 @@ mod tests {
         let brdf = MerlBrdf { cells: SMALL, values, bands: ["R", "G", "B"].map(Band::named).to_vec() };
         let (wi, wo) = directions([2.5, 1.5, 3.5], SMALL);
         let mut v = [0.0; 3];
-        assert!(brdf.bsdf(wi, wo, &mut v) && v[0] == 0.0 && (v[1] - 1.15).abs() < 1e-9 && v[2] == 0.0, "{v:?}");
+        assert!(
+            brdf.bsdf(wi, wo, &mut v) && v[0] == 0.0 && (v[1] - 1.15).abs() < 1e-9 && v[2] == 0.0,
+            "{v:?}"
+        );
     }
 
     #[test]
@@ -262,9 +270,13 @@ mod tests {
         assert_eq!(bytes.len(), 12 + 3 * 8 * 90 * 90 * 180);
         let brdf = read(&bytes).unwrap();
         let (mut ours, mut theirs) = ([0.0; 2], [0.0; 3]);
-        for (ti, to, phi) in
-            [(0.0, 0.0, 0.0), (30.0, 30.0, 180.0), (60.0, 55.0, 10.0), (20.0, 70.0, 100.0), (85.0, 85.0, 200.0)]
-        {
+        for (ti, to, phi) in [
+            (0.0, 0.0, 0.0),
+            (30.0, 30.0, 180.0),
+            (60.0, 55.0, 10.0),
+            (20.0, 70.0, 100.0),
+            (85.0, 85.0, 200.0),
+        ] {
             let (wi, wo) = (direction_deg(ti, 33.0), direction_deg(to, phi + 33.0));
             assert!(sheet.bsdf(wi, wo, &mut ours) && brdf.bsdf(wi, wo, &mut theirs), "{ti} {to} {phi}");
             assert!((theirs[0] / ours[1] - 1.0).abs() < 1e-3 && (theirs[1] / ours[0] - 1.0).abs() < 1e-3);

@@ -36,7 +36,8 @@ pub struct UtiaBrdf {
 pub fn read(bytes: &[u8]) -> Result<UtiaBrdf> {
     let expected = 3 * PER_PLANE * 8;
     if bytes.len() != expected {
-        let what = format!("{} bytes; a UTIA file has {expected}: 3 x 6 x 48 x 6 x 48 values of 8", bytes.len());
+        let what =
+            format!("{} bytes; a UTIA file has {expected}: 3 x 6 x 48 x 6 x 48 values of 8", bytes.len());
         return Err(invalid("UTIA", what));
     }
     let mut values = finite_f64s(bytes, "UTIA")?;
