@@ -9,6 +9,7 @@
 //! and gives a [`Fit`]: values, standard errors, correlations, intervals, criteria for the choice between models.
 
 pub mod model;
+pub mod models;
 pub mod result;
 pub mod audit;
 pub mod report;
