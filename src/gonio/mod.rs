@@ -20,9 +20,11 @@ mod counters;
 pub mod goniophotometer;
 pub mod measurement;
 pub mod directional;
+pub mod readings;
 
 pub use directional::{Coverage, Directional, directional_hemispherical};
 pub use goniophotometer::Goniophotometer;
 pub use grid::{ExitantGrid, PlaneScan};
 pub use measurement::{Band, Measurement, Reading, Scale};
+pub use readings::sample;
 pub use table::{Estimate, GonioTable, Incidence, Ledger, Totals};
