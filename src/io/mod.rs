@@ -15,6 +15,7 @@ pub mod merl;
 pub mod utia;
 pub mod conventions;
 pub mod columns;
+pub mod csv_options;
 pub mod readings_csv;
 pub mod lobe_plot;
 pub mod fit_text;
