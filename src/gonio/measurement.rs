@@ -116,6 +116,33 @@ impl Measurement {
         }
         lamps
     }
+
+    /// The readings that `keep` wants, with the bands and series that they need.
+    pub fn subset(&self, keep: impl Fn(&Reading) -> bool) -> Measurement {
+        let readings: Vec<Reading> = self.readings.iter().copied().filter(keep).collect();
+        let used = |count: usize, index: &dyn Fn(&Reading) -> u32| -> Vec<u32> {
+            (0..count as u32).filter(|i| readings.iter().any(|r| index(r) == *i)).collect()
+        };
+        let bands = used(self.bands.len(), &|r| r.band);
+        let series = used(self.series.len(), &|r| r.series);
+        let place = |list: &[u32], old: u32| list.partition_point(|i| *i < old) as u32;
+        Measurement {
+            sample: self.sample.clone(),
+            bands: bands.iter().filter_map(|&b| self.bands.get(b as usize)).cloned().collect(),
+            series: series.iter().filter_map(|&s| self.series.get(s as usize)).cloned().collect(),
+            readings: readings
+                .iter()
+                .map(|r| Reading { band: place(&bands, r.band), series: place(&series, r.series), ..*r })
+                .collect(),
+            notes: self.notes.clone(),
+            ..*self
+        }
+    }
+
+    /// Is any light seen on the other side of the sheet than the lamp's?
+    pub fn has_transmission(&self) -> bool {
+        self.readings.iter().any(|r| r.wi.z * r.wo.z < 0.0)
+    }
 }
 
 #[cfg(test)]
@@ -142,6 +169,29 @@ mod tests {
         assert!(close(below, (30.0, 40.0, 0.0, Side::Abaxial)), "{below:?}");
         let through = instrument_deg(direction_deg(150.0, 0.0), direction_deg(40.0, 180.0));
         assert!(close(through, (30.0, 140.0, 180.0, Side::Abaxial)), "{through:?}");
+    }
+
+    #[test]
+    fn a_subset_keeps_names_and_numbers_together() {
+        let reading = |series, band| Reading {
+            wi: direction_deg(20.0, 0.0),
+            wo: direction_deg(10.0, 0.0),
+            series,
+            band,
+            bsdf_per_sr: f64::from(10 * series + band),
+            sigma_per_sr: None,
+        };
+        let m = Measurement {
+            bands: vec![Band::nm(450.0), Band::nm(550.0), Band::nm(650.0)],
+            series: ["a", "b"].map(String::from).to_vec(),
+            readings: vec![reading(0, 0), reading(1, 0), reading(1, 2), reading(0, 2)],
+            ..Default::default()
+        };
+        let part = m.subset(|r| r.series == 1 && r.band == 2);
+        assert_eq!((part.series[0].as_str(), part.bands[0].name.as_str()), ("b", "650 nm"));
+        assert_eq!((part.readings[0].series, part.readings[0].band, part.readings[0].bsdf_per_sr), (0, 0, 12.0));
+        assert_eq!(m.subset(|_| true).readings.len(), 4);
+        assert_eq!(m.subset(|_| true).bands.len(), 2);
     }
 
     #[test]
