@@ -189,7 +189,10 @@ mod tests {
         };
         let part = m.subset(|r| r.series == 1 && r.band == 2);
         assert_eq!((part.series[0].as_str(), part.bands[0].name.as_str()), ("b", "650 nm"));
-        assert_eq!((part.readings[0].series, part.readings[0].band, part.readings[0].bsdf_per_sr), (0, 0, 12.0));
+        assert_eq!(
+            (part.readings[0].series, part.readings[0].band, part.readings[0].bsdf_per_sr),
+            (0, 0, 12.0)
+        );
         assert_eq!(m.subset(|_| true).readings.len(), 4);
         assert_eq!(m.subset(|_| true).bands.len(), 2);
     }
