@@ -21,6 +21,7 @@ pub mod goniophotometer;
 pub mod measurement;
 pub mod directional;
 pub mod readings;
+mod shares;
 
 pub use directional::{Coverage, Directional, directional_hemispherical};
 pub use goniophotometer::Goniophotometer;
