@@ -11,12 +11,31 @@
 pub mod model;
 pub mod models;
 pub mod result;
+pub mod options;
+mod geometry;
+mod loss;
+mod nnls;
+mod solve;
+mod parameters;
+mod problem;
+mod weights;
+mod progress;
+mod search;
+mod covariance;
+mod interval;
+mod bootstrap;
+mod summary;
+mod run;
 pub mod audit;
 pub mod report;
 #[cfg(test)]
 pub(crate) mod toy;
+#[cfg(test)]
+pub(crate) mod tests;
 
 pub use audit::Audit;
 pub use model::{Geometry, Kind, Model, Parameter, Prepared};
 pub use report::{DataInfo, LadderRow, Report};
+pub use options::{Action, Covariance, Loss, Options, Override, Weights};
 pub use result::{Correlation, End, Fit, Fitted, Interval, State};
+pub use run::fit;

@@ -2,7 +2,7 @@
 //!
 //! Models: Welford's update and Chan's merge for mean and variance; Pearson's chi-square test with pooling
 //! of sparse bins; Student's one-sample t test and the z test, both two-sided; Sidak's correction for many
-//! tests. p values come from the functions of [`super::special`]. Guarded by the tests of this file against
+//! tests; quantiles of the normal and Student's distribution. p values come from the functions of [`super::special`]. Guarded by the tests of this file against
 //! published tables.
 
 use super::special::{beta_regularized, erfc, gamma_q};
@@ -155,6 +155,39 @@ pub fn normal_quantile(p: f64) -> f64 {
     if p < 0.5 { -x } else { x }
 }
 
+/// Value that a t-distributed number with these degrees of freedom stays below with probability `p`; NaN outside
+/// (0, 1) or without freedom. Infinite freedom is the normal distribution.
+///
+/// Two-sided tails are I_x(f/2, 1/2) with x = f / (f + t^2): found by bisection of x from the side that keeps
+/// precision, so tails down to 1e-300 are right.
+pub fn student_t_quantile(p: f64, degrees_of_freedom: f64) -> f64 {
+    if !(p > 0.0 && p < 1.0 && degrees_of_freedom > 0.0) {
+        return f64::NAN;
+    }
+    if degrees_of_freedom > 1e10 {
+        return normal_quantile(p);
+    }
+    let tails = 2.0 * p.min(1.0 - p);
+    if tails == 1.0 {
+        return 0.0;
+    }
+    let f = degrees_of_freedom;
+    let tails_of = |t: f64| beta_regularized(f / 2.0, 0.5, f / (f + t * t));
+    // Bracket in t, then halve its logarithm; 200 steps end at neighbouring numbers.
+    let (mut low, mut high) = (1e-160f64, 1.0f64);
+    while tails_of(high) > tails && high < 1e150 {
+        high *= 16.0;
+    }
+    for _ in 0..200 {
+        let middle = if low < 1e-3 * high { (low * high).sqrt() } else { 0.5 * (low + high) };
+        if middle <= low || middle >= high {
+            break;
+        }
+        if tails_of(middle) > tails { low = middle } else { high = middle }
+    }
+    if p < 0.5 { -high } else { high }
+}
+
 /// Significance of each of `tests` independent tests, so that all together have `significance` (Sidak 1967).
 pub fn sidak(significance: f64, tests: usize) -> f64 {
     -((-significance).ln_1p() / tests.max(1) as f64).exp_m1()
@@ -223,6 +256,20 @@ mod tests {
         }
         assert_eq!(normal_quantile(0.0), f64::NEG_INFINITY);
         assert!(normal_quantile(1.5).is_nan());
+    }
+
+    #[test]
+    fn t_quantiles_of_the_tables() {
+        // scipy.stats.t.ppf
+        close(student_t_quantile(0.975, 1.0), 12.706_204_736_174_694, 1e-10);
+        close(student_t_quantile(0.975, 10.0), 2.228_138_851_986_274, 1e-10);
+        close(student_t_quantile(0.995, 30.0), 2.749_995_653_567_225_4, 1e-10);
+        close(student_t_quantile(0.025, 158.0), -1.975_092_072_712_084_6, 1e-10);
+        close(student_t_quantile(0.975, 1e12), 1.959_963_984_540_054, 1e-10);
+        assert_eq!(student_t_quantile(0.5, 7.0), 0.0);
+        // Cauchy's distribution has a closed form.
+        close(student_t_quantile(0.9, 1.0), (0.4 * std::f64::consts::PI).tan(), 1e-12);
+        assert!(student_t_quantile(1.0, 3.0).is_nan() && student_t_quantile(0.9, 0.0).is_nan());
     }
 
     #[test]

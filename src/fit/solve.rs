@@ -1,0 +1,279 @@
+//! Nonlinear least squares within bounds.
+//!
+//! Model: Levenberg-Marquardt. At x with residuals r and Jacobian J (both scaled by the loss) a step s minimises
+//! |r + J s|^2 + damping |D s|^2 within lower <= x + s <= upper; D holds the largest lengths that J's columns
+//! have had (More 1978). Variables at a bound whose gradient points outward are held until it turns; those that the
+//! step would carry through a bound stop there and the others are solved again. The damping falls where the
+//! quadratic model foretells the gain and rises where a step fails. Systems are solved by QR, never through J^T J.
+//!
+//! It ends where no gradient is left (cosine between residual and every free column below 1e-15), where steps or
+//! the sum of squares fall below rounding, or after 1000 steps. Near rounding, where sums of squares can no longer be
+//! compared, steps continue while that cosine falls: parameters are found to about 1e-9 of their standard errors.
+//! Limits: a local minimum, guarded by `valleys_and_bounds`; values that are not finite count as infinitely bad, guarded
+//! by `nonsense_ends`. Sources: Marquardt 1963, SIAM J. 11:431; More 1978, *The Levenberg-Marquardt algorithm*.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::loss::ScaledLoss;
+
+/// Steps after which a search ends without convergence.
+const MAX_STEPS: usize = 1000;
+/// Gain, relative to the cost, below which costs are not compared.
+const ROUNDING: f64 = 1e-12;
+
+/// What can be fitted.
+pub(crate) trait Residuals: Sync {
+    /// Rows of the Jacobian in groups that share few variables (the readings of one band).
+    fn groups(&self) -> &[Vec<usize>];
+
+    /// Residuals, and their derivatives (a row per residual).
+    fn eval(&self, x: &[f64], residuals: &mut [f64], jacobian: &mut DMatrix<f64>);
+
+    /// Cost below which residuals are rounding.
+    fn floor(&self) -> f64;
+}
+
+/// Where a search ended.
+#[derive(Clone, Debug)]
+pub(crate) struct Solution {
+    pub(crate) x: Vec<f64>,
+    /// Half the sum of losses; infinite where the start already was nonsense.
+    pub(crate) cost: f64,
+    /// Not scaled by the loss.
+    pub(crate) residuals: Vec<f64>,
+    /// Not scaled by the loss.
+    pub(crate) jacobian: DMatrix<f64>,
+    pub(crate) evaluations: usize,
+    pub(crate) converged: bool,
+}
+
+/// Least squares from `start` within `lower..=upper`. Variables whose bounds are equal are held.
+pub(crate) fn solve(
+    problem: &dyn Residuals,
+    start: &[f64],
+    (lower, upper): (&[f64], &[f64]),
+    loss: &ScaledLoss,
+) -> Solution {
+    let n: usize = problem.groups().iter().map(Vec::len).sum();
+    let k = start.len();
+    let x: Vec<f64> = (0..k).map(|i| start[i].clamp(lower[i], upper[i])).collect();
+    let mut at = Solution {
+        x,
+        cost: f64::INFINITY,
+        residuals: vec![0.0; n],
+        jacobian: DMatrix::zeros(n, k),
+        evaluations: 1,
+        converged: false,
+    };
+    problem.eval(&at.x, &mut at.residuals, &mut at.jacobian);
+    at.cost = cost(loss, &at);
+    if !at.cost.is_finite() {
+        return at;
+    }
+    let mut trial = at.clone();
+    let mut longest = vec![0.0f64; k];
+    let mut damping = 1e-3;
+    let mut linear = Linear::new(problem, &at, loss, (lower, upper));
+    for _ in 0..MAX_STEPS {
+        if at.cost <= problem.floor() || linear.cosine <= 1e-15 {
+            at.converged = true;
+            break;
+        }
+        for (d, &j) in longest.iter_mut().zip(&linear.length) {
+            *d = d.max(j);
+        }
+        let mut growth = 2.0;
+        let mut accepted = false;
+        // Damping doubles ever faster: 1e-18 to 1e30 in fewer tries than these.
+        for _ in 0..30 {
+            let step = linear.step(&at.x, (lower, upper), &longest, damping);
+            for i in 0..k {
+                trial.x[i] = (at.x[i] + step[i]).clamp(lower[i], upper[i]);
+            }
+            let taken: Vec<f64> = trial.x.iter().zip(&at.x).map(|(a, b)| a - b).collect();
+            let scaled = |v: &[f64]| v.iter().zip(&longest).map(|(v, d)| (v * d).powi(2)).sum::<f64>().sqrt();
+            if scaled(&taken) <= 1e-16 * scaled(&at.x) {
+                break;
+            }
+            let expected = linear.gain(&taken);
+            if expected > 0.0 {
+                problem.eval(&trial.x, &mut trial.residuals, &mut trial.jacobian);
+                trial.cost = cost(loss, &trial);
+                at.evaluations += 1;
+                let gain = at.cost - trial.cost;
+                let noise = expected <= ROUNDING * at.cost;
+                if trial.cost.is_finite() && (gain > 0.0 || noise && gain.abs() <= ROUNDING * at.cost) {
+                    let next = Linear::new(problem, &trial, loss, (lower, upper));
+                    if !noise || next.cosine < linear.cosine {
+                        let ratio = gain / expected;
+                        damping = match ratio {
+                            _ if ratio > 0.75 || noise => (damping * 0.1).max(1e-18),
+                            _ if ratio < 0.25 => damping * 3.0,
+                            _ => damping,
+                        };
+                        std::mem::swap(&mut at.x, &mut trial.x);
+                        std::mem::swap(&mut at.residuals, &mut trial.residuals);
+                        std::mem::swap(&mut at.jacobian, &mut trial.jacobian);
+                        at.cost = trial.cost;
+                        linear = next;
+                        accepted = true;
+                        break;
+                    }
+                }
+                if noise {
+                    break;
+                }
+            }
+            damping = (damping * growth).min(1e30);
+            growth *= 2.0;
+        }
+        if !accepted {
+            // Nothing better in reach: a minimum if the undamped model expects no more than rounding either.
+            let newton = linear.step(&at.x, (lower, upper), &longest, 1e-18);
+            at.converged = linear.gain(newton.as_slice()) <= 1e-9 * at.cost;
+            break;
+        }
+    }
+    at
+}
+
+/// Cost of a solution; infinite where a derivative is not finite.
+fn cost(loss: &ScaledLoss, at: &Solution) -> f64 {
+    if at.jacobian.iter().all(|j| j.is_finite()) { loss.cost(&at.residuals) } else { f64::INFINITY }
+}
+
+/// The problem seen from one point, by the triangle of its Jacobian.
+struct Linear {
+    /// Variables that may move.
+    free: Vec<usize>,
+    /// R of the free columns' QR.
+    r: DMatrix<f64>,
+    /// Q^T residuals.
+    qtf: DVector<f64>,
+    /// Lengths of all columns.
+    length: Vec<f64>,
+    /// Largest cosine between the residual and a free column.
+    cosine: f64,
+}
+
+impl Linear {
+    fn new(
+        problem: &dyn Residuals,
+        at: &Solution,
+        loss: &ScaledLoss,
+        (lower, upper): (&[f64], &[f64]),
+    ) -> Self {
+        let (mut residuals, mut jacobian) = (at.residuals.clone(), at.jacobian.clone());
+        loss.linearise(&mut residuals, &mut jacobian);
+        let f = DVector::from_vec(residuals);
+        let gradient = jacobian.tr_mul(&f);
+        let length: Vec<f64> = jacobian.column_iter().map(|c| c.norm()).collect();
+        let held = |i: usize| {
+            lower[i] >= upper[i]
+                || at.x[i] <= lower[i] && gradient[i] > 0.0
+                || at.x[i] >= upper[i] && gradient[i] < 0.0
+        };
+        let free: Vec<usize> = (0..length.len()).filter(|&i| !held(i)).collect();
+        let size = f.norm();
+        let cosine = |i: &usize| {
+            let product = length[*i] * size;
+            if product > 0.0 { gradient[*i].abs() / product } else { 0.0 }
+        };
+        let cosine = free.iter().map(cosine).fold(0.0, f64::max);
+        let (r, qtf) = triangle(&jacobian, &f, &free, problem.groups());
+        Self { free, r, qtf, length, cosine }
+    }
+
+    /// The damped step within the bounds, for all variables.
+    fn step(
+        &self,
+        x: &[f64],
+        (lower, upper): (&[f64], &[f64]),
+        longest: &[f64],
+        damping: f64,
+    ) -> DVector<f64> {
+        let unit = |i: usize| if longest[i] > 0.0 { longest[i] } else { 1.0 };
+        let mut step = DVector::zeros(x.len());
+        // Positions in `free` that no bound has stopped yet.
+        let mut open: Vec<usize> = (0..self.free.len()).collect();
+        let mut rhs = -&self.qtf;
+        while !open.is_empty() {
+            let (rows, o) = (self.r.nrows(), open.len());
+            let mut a = DMatrix::zeros(rows + o, o);
+            for (c, &p) in open.iter().enumerate() {
+                a.view_mut((0, c), (rows, 1)).copy_from(&(self.r.column(p) / unit(self.free[p])));
+                a[(rows + c, c)] = damping.sqrt();
+            }
+            let mut b = DVector::zeros(rows + o);
+            b.rows_mut(0, rows).copy_from(&rhs);
+            let qr = a.qr();
+            qr.q_tr_mul(&mut b);
+            let Some(u) = qr.r().solve_upper_triangular(&b.rows(0, o).into_owned()) else { break };
+            if u.iter().any(|u| !u.is_finite()) {
+                break;
+            }
+            let mut stopped = Vec::new();
+            for (c, &p) in open.iter().enumerate() {
+                let i = self.free[p];
+                let s = u[c] / unit(i);
+                let within = s.clamp(lower[i] - x[i], upper[i] - x[i]);
+                if s != within {
+                    rhs -= self.r.column(p) * within;
+                    stopped.push(p);
+                }
+                step[i] = within;
+            }
+            if stopped.is_empty() {
+                break;
+            }
+            open.retain(|p| !stopped.contains(p));
+        }
+        step
+    }
+
+    /// Fall of the cost that the quadratic model expects of a step.
+    fn gain(&self, step: &[f64]) -> f64 {
+        let s = DVector::from_iterator(self.free.len(), self.free.iter().map(|&i| step[i]));
+        let js = &self.r * s;
+        -(self.qtf.dot(&js) + 0.5 * js.norm_squared())
+    }
+}
+
+/// R and Q^T f of some columns. Each group of rows is reduced to a triangle of the columns that it touches first.
+pub(crate) fn triangle(
+    jacobian: &DMatrix<f64>,
+    f: &DVector<f64>,
+    columns: &[usize],
+    groups: &[Vec<usize>],
+) -> (DMatrix<f64>, DVector<f64>) {
+    let reduce = |a: DMatrix<f64>, mut b: DVector<f64>| {
+        let rows = a.nrows().min(a.ncols());
+        let qr = a.qr();
+        qr.q_tr_mul(&mut b);
+        (qr.r(), b.rows(0, rows).into_owned())
+    };
+    let all = columns.len();
+    let parts: Vec<(Vec<usize>, DMatrix<f64>, DVector<f64>)> = groups
+        .iter()
+        .map(|rows| {
+            let touched: Vec<usize> =
+                (0..all).filter(|&c| rows.iter().any(|&r| jacobian[(r, columns[c])] != 0.0)).collect();
+            let a =
+                DMatrix::from_fn(rows.len(), touched.len(), |i, c| jacobian[(rows[i], columns[touched[c]])]);
+            let b = DVector::from_fn(rows.len(), |i, _| f[rows[i]]);
+            let (a, b) = if touched.is_empty() { (a, DVector::zeros(0)) } else { reduce(a, b) };
+            (touched, a, b)
+        })
+        .collect();
+    let rows: usize = parts.iter().map(|p| p.2.len()).sum();
+    let (mut a, mut b) = (DMatrix::zeros(rows, all), DVector::zeros(rows));
+    let mut at = 0;
+    for (touched, part, right) in &parts {
+        for (c, &column) in touched.iter().enumerate() {
+            a.view_mut((at, column), (right.len(), 1)).copy_from(&part.column(c));
+        }
+        b.rows_mut(at, right.len()).copy_from(right);
+        at += right.len();
+    }
+    if rows == 0 || all == 0 { (a, b) } else { reduce(a, b) }
+}
