@@ -35,7 +35,7 @@ pub(crate) mod tests;
 
 pub use audit::Audit;
 pub use model::{Geometry, Kind, Model, Parameter, Prepared};
-pub use report::{DataInfo, LadderRow, Report};
 pub use options::{Action, Covariance, Loss, Options, Override, Weights};
+pub use report::{DataInfo, LadderRow, Report};
 pub use result::{Correlation, End, Fit, Fitted, Interval, State};
 pub use run::fit;
