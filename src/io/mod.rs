@@ -17,6 +17,7 @@ pub mod conventions;
 pub mod columns;
 pub mod csv_options;
 pub mod readings_csv;
+pub mod rgl;
 pub mod lobe_plot;
 pub mod fit_text;
 pub mod cell_plot;
