@@ -146,9 +146,11 @@ impl RglBrdf {
         let span = f64::from(self.phis[self.phis.len() - 1] - self.phis[0]);
         let parts = if self.is_isotropic() { 1.0 } else { (TAU / span).round() };
         if parts >= 2.0 {
-            // Files of half a turn have azimuths from -180 to 0 deg, of a quarter from -180 to -90.
-            let y = if wi.y > 0.0 { -1.0 } else { 1.0 };
-            let x = if parts == 4.0 { if wi.x > 0.0 { -1.0 } else { 1.0 } } else { y };
+            // Files of half a turn have azimuths from -180 to 0 deg, of a quarter from -180 to -90. Zero counts as
+            // positive, so that an azimuth of 0 becomes -180, not 180.
+            let flip = |x: f64| if x.is_sign_negative() { 1.0 } else { -1.0 };
+            let y = flip(wi.y);
+            let x = if parts == 4.0 { flip(wi.x) } else { y };
             let mirror = DVec3::new(x, y, 1.0);
             (wi, wo) = (wi * mirror, wo * mirror);
         }
@@ -210,7 +212,8 @@ mod tests {
     fn fields(turns: usize) -> Vec<(&'static str, Field<'static>)> {
         let random = |seed: u32, shape: &[usize]| {
             let n = shape.iter().product::<usize>() as u32;
-            let values: Vec<f32> = (0..n).map(|i| 0.5 + (hash(i + 1000 * seed) >> 8) as f32 / 1.7e7).collect();
+            let values: Vec<f32> =
+                (0..n).map(|i| 0.5 + (hash(i + 1000 * seed) >> 8) as f32 / 1.7e7).collect();
             Field::f32s(shape, &values)
         };
         let phis: Vec<f32> = (0..4).map(|i| (-PI + TAU * f64::from(i) / 3.0 / turns as f64) as f32).collect();
@@ -286,6 +289,9 @@ mod tests {
         for (turns, mirrors) in [(2, vec![[-1.0, -1.0]]), (4, vec![[-1.0, 1.0], [1.0, -1.0], [-1.0, -1.0]])] {
             let brdf = read(&anisotropic(turns)).unwrap();
             assert!(!brdf.is_isotropic());
+            // Azimuth 0 stands at the first node, -180 deg, not at the last.
+            let (ahead, back) = (direction_deg(50.0, 0.0), DVec3::new(-50f64.to_radians().sin(), -0.0, wi.z));
+            assert_eq!(value(&brdf, ahead, wo), value(&brdf, back, DVec3::new(-1.0, -1.0, 1.0) * wo));
             for [x, y] in mirrors {
                 let mirror = DVec3::new(x, y, 1.0);
                 assert_eq!(value(&brdf, wi, wo), value(&brdf, mirror * wi, mirror * wo), "{turns} {mirror}");
@@ -318,7 +324,9 @@ mod tests {
             let e = read(bytes).unwrap_err().to_string();
             assert!(e.contains(word), "{e}");
         };
-        for name in ["phi_i", "theta_i", "wavelengths", "ndf", "sigma", "vndf", "spectra", "jacobian", "description"] {
+        for name in
+            ["phi_i", "theta_i", "wavelengths", "ndf", "sigma", "vndf", "spectra", "jacobian", "description"]
+        {
             let mut without = fields(1);
             without.retain(|f| f.0 != name);
             let missing = if name == "spectra" { "rgb" } else { name };

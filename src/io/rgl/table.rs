@@ -58,10 +58,8 @@ impl Table {
         for (slice, weight) in slices.into_iter().filter(|s| s.1 > 0.0) {
             let at = slice * self.rows * self.columns + corner;
             let v = |i: usize| f64::from(self.values[at + i]);
-            let (top, bottom) = (
-                v(0) * (1.0 - fx) + v(1) * fx,
-                v(self.columns) * (1.0 - fx) + v(self.columns + 1) * fx,
-            );
+            let (top, bottom) =
+                (v(0) * (1.0 - fx) + v(1) * fx, v(self.columns) * (1.0 - fx) + v(self.columns + 1) * fx);
             sum += weight * (top * (1.0 - fy) + bottom * fy);
         }
         sum
@@ -133,13 +131,16 @@ impl Warp {
             let v0 = sum(&self.density.values, slice, at);
             let v1 = sum(&self.density.values, slice, at + 1);
             let start = sum(&self.along, slice, at);
-            (start + (v0 + 0.5 * fx * (v1 - v0)) * fx / (columns - 1) as f64, sum(&self.along, slice, (r + 1) * columns - 1))
+            (
+                start + (v0 + 0.5 * fx * (v1 - v0)) * fx / (columns - 1) as f64,
+                sum(&self.along, slice, (r + 1) * columns - 1),
+            )
         };
         let ((part0, whole0), (part1, whole1)) = (along(row), along(row + 1));
         let whole = whole0 * (1.0 - fy) + whole1 * fy;
         let part = part0 * (1.0 - fy) + part1 * fy;
-        let down = sum(&self.down, rows, row)
-            + (whole0 + 0.5 * fy * (whole1 - whole0)) * fy / (rows - 1) as f64;
+        let down =
+            sum(&self.down, rows, row) + (whole0 + 0.5 * fy * (whole1 - whole0)) * fy / (rows - 1) as f64;
         (whole > 0.0).then(|| (part / whole, down))
     }
 

@@ -57,8 +57,9 @@ fn number(rest: &mut &[u8], bytes: usize, what: &str) -> Result<u64> {
 
 /// Lists the fields; their data stay where they are in the file.
 pub(super) fn read(bytes: &[u8]) -> Result<BTreeMap<String, Field<'_>>> {
-    let mut rest =
-        bytes.strip_prefix(MAGIC).ok_or_else(|| invalid(FORMAT, "this is not a tensor file of version 1.0"))?;
+    let mut rest = bytes
+        .strip_prefix(MAGIC)
+        .ok_or_else(|| invalid(FORMAT, "this is not a tensor file of version 1.0"))?;
     let count = number(&mut rest, 4, "the number of fields")?;
     let mut fields = BTreeMap::new();
     for i in 0..count {

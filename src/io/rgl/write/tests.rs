@@ -43,7 +43,10 @@ fn largest_error(table: &dyn Directional, file: &RglBrdf, band: usize, file_band
     for ti in [0.0, 1.0, 20.0, 43.0, 61.0, 80.0] {
         for to in 0..=16 {
             for phi in 0..36 {
-                let (wi, wo) = (direction_deg(ti, 77.0), direction_deg(5.0 * f64::from(to), 77.0 + 10.0 * f64::from(phi)));
+                let (wi, wo) = (
+                    direction_deg(ti, 77.0),
+                    direction_deg(5.0 * f64::from(to), 77.0 + 10.0 * f64::from(phi)),
+                );
                 assert!(table.bsdf(wi, wo, &mut a) && file.bsdf(wi, wo, &mut b), "{ti} {to} {phi}");
                 worst = worst.max((a[band] - b[file_band]).abs() * wo.z);
                 top = top.max(a[band] * wo.z);
@@ -160,12 +163,14 @@ fn anisotropic_tables_are_averaged() {
 #[test]
 #[ignore = "writes files for another program's reader"]
 fn files_for_other_programs() {
-    let folder = std::path::PathBuf::from(std::env::var("FOREIGN_RGL").unwrap_or("target/foreign_rgl".into()));
+    let folder =
+        std::path::PathBuf::from(std::env::var("FOREIGN_RGL").unwrap_or("target/foreign_rgl".into()));
     std::fs::create_dir_all(&folder).unwrap();
     let save = |name: &str, bytes: &[u8], table: Option<&dyn Directional>| {
         let file = read(bytes).unwrap();
         let bands: Vec<f64> = file.bands().iter().map(|b| b.wavelength_nm.unwrap()).collect();
-        let mut csv = String::from("wi_x,wi_y,wi_z,wo_x,wo_y,wo_z,wavelength_nm,source_per_sr,reader_per_sr\n");
+        let mut csv =
+            String::from("wi_x,wi_y,wi_z,wo_x,wo_y,wo_z,wavelength_nm,source_per_sr,reader_per_sr\n");
         let unit = |i: u32| f64::from(crate::math::sampler::hash(i)) / f64::from(u32::MAX);
         for i in 0..1000 {
             // Even in sin^2 theta up to 80 deg.
