@@ -17,8 +17,13 @@ pub(super) fn reflectance(d: &SpectrumDescription, key: &Key, assets: &dyn Asset
             rgb_shares(rgb, key)?;
             key.name(upsample::reflectance_from_rgb(rgb, ""))
         }
-        (SpectrumDescription::Table(t), _) if t.file.is_some() => from_file(t, key, assets),
-        _ => Err(key.invalid("a light's spectrum is no reflectance; give a number, a colour or a file")),
+        (SpectrumDescription::Table(t), _) if t.illuminant.is_none() && t.blackbody_k.is_none() => {
+            tabulated(t, key, assets)
+        }
+        _ => {
+            Err(key
+                .invalid("a light's spectrum is no reflectance; give a number, a colour, values or a file"))
+        }
     }
 }
 
@@ -59,26 +64,47 @@ pub(super) fn emission(d: &SpectrumDescription, key: &Key, assets: &dyn Assets) 
     Ok(spectrum.scaled((1.0 / luminance) as f32))
 }
 
+const ONE_FORM: &str =
+    "give exactly one of `file`, `wavelengths_nm` with `values`, `illuminant` and `blackbody_k`";
+
 fn light_table(t: &SpectrumTable, key: &Key, assets: &dyn Assets) -> Result<Spectrum> {
-    match (&t.file, &t.illuminant, t.blackbody_k) {
-        (Some(_), None, None) => from_file(t, key, assets),
-        (None, Some(name), None) => {
+    let has_values = t.file.is_some() || t.wavelengths_nm.is_some() || t.values.is_some();
+    match (&t.illuminant, t.blackbody_k) {
+        (None, None) => tabulated(t, key, assets),
+        (Some(name), None) if !has_values => {
             let illuminant = name.parse::<Illuminant>();
             key.at("illuminant").says(illuminant.and_then(Illuminant::spectrum))
         }
-        (None, None, Some(k)) => key.at("blackbody_k").says(Illuminant::Blackbody(k).spectrum()),
-        _ => Err(key.invalid("give exactly one of `file`, `illuminant` and `blackbody_k`")),
+        (None, Some(k)) if !has_values => key.at("blackbody_k").says(Illuminant::Blackbody(k).spectrum()),
+        _ => Err(key.invalid(ONE_FORM)),
     }
 }
 
-fn from_file(t: &SpectrumTable, key: &Key, assets: &dyn Assets) -> Result<Spectrum> {
-    let (Some(path), None, None) = (&t.file, &t.illuminant, t.blackbody_k) else {
-        return Err(key.invalid("give exactly one of `file`, `illuminant` and `blackbody_k`"));
-    };
-    let key = key.at("file");
-    let bytes = key.says(assets.read(path))?;
-    let text = String::from_utf8_lossy(&bytes);
-    key.says(table::parse(&text, path).and_then(|t_| t_.spectrum(t.column.as_deref())))
+/// A table of values, in a file or in the description itself.
+fn tabulated(t: &SpectrumTable, key: &Key, assets: &dyn Assets) -> Result<Spectrum> {
+    match (&t.file, &t.wavelengths_nm, &t.values) {
+        (Some(path), None, None) => {
+            let key = key.at("file");
+            let bytes = key.says(assets.read(path))?;
+            let text = String::from_utf8_lossy(&bytes);
+            key.says(table::parse(&text, path).and_then(|t_| t_.spectrum(t.column.as_deref())))
+        }
+        (None, Some(wavelengths_nm), Some(values)) => {
+            let (count, expected) = (values.len(), wavelengths_nm.len());
+            if count != expected {
+                return Err(key.at("values").invalid(format!("{count} values for {expected} wavelengths")));
+            }
+            if let Some(v) = values.iter().find(|v| !v.is_finite()) {
+                return Err(key.at("values").invalid(format!("{v} is not a finite number")));
+            }
+            let points: Vec<(f64, f64)> =
+                wavelengths_nm.iter().copied().zip(values.iter().copied()).collect();
+            key.at("wavelengths_nm").name(Spectrum::from_table(&points, ""))
+        }
+        (None, None, Some(_)) => Err(key.invalid("`values` needs `wavelengths_nm`")),
+        (None, Some(_), None) => Err(key.invalid("`wavelengths_nm` needs `values`")),
+        _ => Err(key.invalid(ONE_FORM)),
+    }
 }
 
 /// Linear sRGB of a description that is a colour.
@@ -104,4 +130,62 @@ fn share(v: f64, key: &Key) -> Result<f64> {
 
 fn rgb_shares(rgb: [f32; 3], key: &Key) -> Result<()> {
     rgb.iter().try_for_each(|v| share(f64::from(*v), key).map(|_| ()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::assets::MemoryAssets;
+
+    fn described(text: &str) -> SpectrumDescription {
+        #[derive(serde::Deserialize)]
+        struct File {
+            c: SpectrumDescription,
+        }
+        toml::from_str::<File>(&format!("c = {text}")).expect(text).c
+    }
+
+    #[test]
+    fn values_are_linear_between_and_held_beyond() {
+        let d = described("{ wavelengths_nm = [450, 550, 650], values = [0.1, 0.2, 0.5] }");
+        let s = reflectance(&d, &Key::new("c"), &MemoryAssets::default()).unwrap();
+        for (nm, value) in [(380.0, 0.1), (450.0, 0.1), (500.0, 0.15), (625.0, 0.425), (780.0, 0.5)] {
+            assert!((s.at(nm) - value).abs() < 1e-6, "{nm}: {}", s.at(nm));
+        }
+        let one = described("{ wavelengths_nm = [550], values = [0.2] }");
+        let s = reflectance(&one, &Key::new("c"), &MemoryAssets::default()).unwrap();
+        assert_eq!((s.min(), s.max()), (0.2, 0.2));
+        let light = emission(&d, &Key::new("c"), &MemoryAssets::default()).unwrap();
+        assert!((light.at(650.0) / light.at(450.0) - 5.0).abs() < 1e-5);
+    }
+
+    #[test]
+    fn wrong_values_name_their_key() {
+        for (text, start) in [
+            ("{ wavelengths_nm = [450, 550], values = [0.1] }", "p.c.values: 1 values for 2"),
+            ("{ wavelengths_nm = [450, 450], values = [0.1, 0.2] }", "p.c.wavelengths_nm: "),
+            ("{ wavelengths_nm = [550, 450], values = [0.1, 0.2] }", "p.c.wavelengths_nm: "),
+            ("{ wavelengths_nm = [], values = [] }", "p.c.wavelengths_nm: "),
+            ("{ wavelengths_nm = [nan], values = [0.1] }", "p.c.wavelengths_nm: "),
+            ("{ wavelengths_nm = [0.45, 0.55], values = [0.1, 0.2] }", "p.c.wavelengths_nm: "),
+            ("{ wavelengths_nm = [450], values = [inf] }", "p.c.values: inf"),
+            ("{ wavelengths_nm = [450] }", "p.c: `wavelengths_nm` needs"),
+            ("{ values = [0.1] }", "p.c: `values` needs"),
+            ("{ file = \"x.csv\", wavelengths_nm = [450], values = [0.1] }", "p.c: give exactly one"),
+            ("{}", "p.c: give exactly one"),
+        ] {
+            let key = Key::new("p.c");
+            let d = described(text);
+            for error in [
+                reflectance(&d, &key, &MemoryAssets::default()).expect_err(text).to_string(),
+                emission(&d, &key, &MemoryAssets::default()).expect_err(text).to_string(),
+            ] {
+                assert!(error.starts_with(start), "{text}: {error}");
+            }
+        }
+        let both = described("{ wavelengths_nm = [450], values = [0.1], illuminant = \"D65\" }");
+        let error = emission(&both, &Key::new("c"), &MemoryAssets::default()).unwrap_err().to_string();
+        assert!(error.contains("exactly one"), "{error}");
+        assert!(reflectance(&both, &Key::new("c"), &MemoryAssets::default()).is_err());
+    }
 }

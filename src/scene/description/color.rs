@@ -9,7 +9,8 @@ use serde::{Deserialize, Deserializer, Serialize};
 /// A function of wavelength.
 ///
 /// A number (the same at every wavelength), `[r, g, b]` (linear sRGB), `"#rrggbb"` (encoded sRGB, as in a
-/// colour picker), `{ file = "x.csv", column = "name" }` (measured; wavelength in nm in the first column),
+/// colour picker), `{ wavelengths_nm = [450, 550, 650], values = [0.1, 0.2, 0.5] }` (linear in between, the end
+/// values outside), `{ file = "x.csv", column = "name" }` (measured; wavelength in nm in the first column),
 /// `{ illuminant = "D65" }` or `{ blackbody_k = 5000 }` (lights only).
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 #[serde(untagged)]
@@ -24,7 +25,8 @@ pub enum SpectrumDescription {
     Table(SpectrumTable),
 }
 
-/// The forms of a spectrum that are a table; exactly one of `file`, `illuminant` and `blackbody_k`.
+/// The forms of a spectrum that are a table; exactly one of `file`, `wavelengths_nm` with `values`, `illuminant` and
+/// `blackbody_k`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SpectrumTable {
@@ -34,6 +36,12 @@ pub struct SpectrumTable {
     /// Name of the file's column. Needed where it has more than one besides the wavelength.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub column: Option<String>,
+    /// Wavelengths of `values`, nm, increasing.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub wavelengths_nm: Option<Vec<f64>>,
+    /// One value per wavelength; linear in between, the end values outside.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub values: Option<Vec<f64>>,
     /// A CIE illuminant: `A`, `D50`, `D65` or `E`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub illuminant: Option<String>,
@@ -47,6 +55,16 @@ impl SpectrumDescription {
     pub fn illuminant(name: &str) -> Self {
         Self::Table(SpectrumTable { illuminant: Some(name.to_owned()), ..SpectrumTable::default() })
     }
+
+    /// From `(wavelength_nm, value)` points of increasing wavelength.
+    pub fn points(points: &[(f64, f64)]) -> Self {
+        let (wavelengths_nm, values) = points.iter().copied().unzip();
+        Self::Table(SpectrumTable {
+            wavelengths_nm: Some(wavelengths_nm),
+            values: Some(values),
+            ..SpectrumTable::default()
+        })
+    }
 }
 
 // By hand, because serde's untagged enums only say "did not match any variant".
@@ -58,7 +76,8 @@ impl<'de> Deserialize<'de> for SpectrumDescription {
 
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
                 f.write_str(
-                    "a number, [r, g, b], \"#rrggbb\", or a table with `file`, `illuminant` or `blackbody_k`",
+                    "a number, [r, g, b], \"#rrggbb\", or a table with `file`, `wavelengths_nm` and `values`, \
+                     `illuminant` or `blackbody_k`",
                 )
             }
             fn visit_f64<E: de::Error>(self, v: f64) -> Result<Self::Value, E> {
@@ -88,5 +107,38 @@ impl<'de> Deserialize<'de> for SpectrumDescription {
             }
         }
         deserializer.deserialize_any(Forms)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Debug, PartialEq, Serialize, Deserialize)]
+    struct File {
+        colour: SpectrumDescription,
+    }
+
+    #[test]
+    fn every_form_survives_toml() {
+        for text in [
+            "0.25",
+            "[0.1, 0.2, 0.3]",
+            "\"#c01030\"",
+            "{ file = \"x.csv\", column = \"red\" }",
+            "{ wavelengths_nm = [450, 550.5, 650], values = [0.1, 0.2, 1] }",
+            "{ illuminant = \"D65\" }",
+            "{ blackbody_k = 5000 }",
+        ] {
+            let file: File = toml::from_str(&format!("colour = {text}")).expect(text);
+            let back: File = toml::from_str(&toml::to_string(&file).expect(text)).expect(text);
+            assert_eq!(file, back, "{text}");
+        }
+        let points = SpectrumDescription::points(&[(450.0, 0.1), (550.5, 0.2), (650.0, 1.0)]);
+        let file: File =
+            toml::from_str("colour = { wavelengths_nm = [450, 550.5, 650], values = [0.1, 0.2, 1] }")
+                .unwrap();
+        assert_eq!(file.colour, points);
+        assert!(toml::from_str::<File>("colour = { wavelengths = [450], values = [0.1] }").is_err());
     }
 }
