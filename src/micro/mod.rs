@@ -15,7 +15,8 @@
 //! This folder describes the surface that light meets first. Frame: right-handed, z = adaxial normal, base
 //! plane z = 0, the lattice's rows along x. [`CellDescription`] says what the surface is, [`lattice`] places
 //! the cells and divides the plane among them, [`dome`] gives the height over a cell, [`height_field`] finds
-//! the exact first hit of a ray, [`tile_mesh`] turns a tile into triangles.
+//! the exact first hit of a ray, [`tile_mesh`] turns a tile into triangles, [`shading`] shades it, [`transmission`] lets
+//! light through.
 //!
 //! From the thesis: triangular grid of pitch 23 um, hexagonal base faces by Voronoi division, domes of height
 //! 37 um, "cosine of the distance" from the centre. Our reading: which cosine and which base radius
@@ -26,6 +27,7 @@ pub mod lattice;
 pub mod dome;
 pub mod height_field;
 pub mod tile_mesh;
+pub mod transmission;
 pub mod shading;
 
 pub use description::CellDescription;

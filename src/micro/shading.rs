@@ -5,12 +5,13 @@
 //!
 //! ```text
 //! f(wo, wi) = f_E(wo, wi) + f_S(wo, wi)         both directions above (adaxial side)
-//!           = T / pi,  T = t_E t_S              on opposite sides
+//!           = T / pi + f_D(wo, wi) + f_I(wo, wi), T = t_E t_S    on opposite sides
 //!           = rho_abaxial / pi                  both below
 //!
 //! f_E = 1 / (A cos_o cos_i) ∫ f_e(n; wo, wi) <n.wo>+ <n.wi>+ V(wo) V(wi) dA  +  all orders between domes
 //! f_e = kd_E / pi + ks_E (n_E + 2) / (2 pi) cos^n_E(alpha)    about the dome's normal n
 //! f_S = kd_S / pi + ks_S (n_S + 2) / (2 pi) cos^n_S(alpha)    about the base's normal, n_S small: dull
+//! f_D, f_I: light straight through, and light that an upright inner wall of a cell has turned round
 //! ```
 //!
 //! V is the shadowing and masking by the domes: an exact ray in the cell field. Light that f_e sends to
@@ -29,19 +30,22 @@
 //! |---|---|---|---|
 //! | kd, ks, n, t | [`Layer`] | shares of the incident light; n a pure number | the scene's `petal.shading` |
 //! | rho_abaxial | `abaxial` | share of the incident light | the same |
+//! | f_D, f_I | [`TransmissionLobe`] | 1/sr | none |
 //!
-//! Limits: kd_E + ks_E + kd_S + ks_S + t_E t_S <= 1 and rho_abaxial + t_E t_S <= 1 at every nm (checked).
-//! Flat cells give f_e + f_S exactly (`flat_cells_are_two_phongs`). Reciprocal (`estimate_is_reciprocal`).
-//! Our reading: kd_S and ks_S are what leaves the petal, the way through the epidermis included; the spongy
-//! layer's light is not shadowed by the domes, as the thesis adds the two terms; the product of the layers'
-//! transmittances crosses the sheet and leaves it diffusely. Source: [Terado1999](https://hdl.handle.net/10119/1220), abstract.
+//! Limits: kd_E + ks_E + kd_S + ks_S + t_E t_S + k_D + k_I <= 1 and rho_abaxial + t_E t_S + k_D + k_I <= 1 at every
+//! nm (checked; k_D and k_I are the lobes' shares). Flat cells give f_e + f_S exactly (`flat_cells_are_two_phongs`).
+//! Reciprocal (`estimate_is_reciprocal`). Our reading: kd_S and ks_S are what leaves the petal, the way through the
+//! epidermis included; the spongy layer's light is not shadowed by the domes, as the thesis adds the two terms; the
+//! product of the layers' transmittances crosses the sheet and leaves it diffusely; the domes neither shadow nor bend
+//! what crosses it. Source: [Terado1999](https://hdl.handle.net/10119/1220), abstract.
 
 use std::f32::consts::FRAC_1_PI;
 use std::sync::Arc;
 
-use glam::{DVec2, DVec3, Vec3};
+use glam::{DVec2, DVec3, Vec2, Vec3};
 
 use super::height_field::{CellField, CellHit};
+use super::transmission::TransmissionLobe;
 use crate::bsdf::{Bsdf, Phong, Scatter};
 use crate::math::warp::{square_to_cosine_hemisphere, square_to_disc};
 use crate::math::{Frame, Sampler};
@@ -87,6 +91,8 @@ pub struct CellPetal {
     epidermis: Phong,
     spongy: Phong,
     transmittance: Spectrum,
+    /// Light through the sheet that keeps a direction.
+    lobes: Vec<TransmissionLobe>,
     abaxial: Spectrum,
     /// Probabilities of following the epidermis' and the spongy layer's light; the rest is transmission.
     choose: Choose,
@@ -97,11 +103,24 @@ struct Choose {
     epidermis: f32,
     spongy: f32,
     abaxial: f32,
+    /// Of what crosses the sheet, the part without a direction.
+    diffuse: f32,
 }
 
 impl CellPetal {
     /// Checks the energy. Errors name `epidermis`, `spongy` or `abaxial`.
     pub fn new(cells: Arc<CellField>, epidermis: &Layer, spongy: &Layer, abaxial: Spectrum) -> Result<Self> {
+        Self::with_lobes(cells, epidermis, spongy, abaxial, Vec::new())
+    }
+
+    /// A petal that also lets light through around directions.
+    pub fn with_lobes(
+        cells: Arc<CellField>,
+        epidermis: &Layer,
+        spongy: &Layer,
+        abaxial: Spectrum,
+        lobes: Vec<TransmissionLobe>,
+    ) -> Result<Self> {
         let lobe = |layer: &Layer, name: &str| {
             Phong::new(layer.diffuse.clone(), layer.specular.clone(), layer.exponent).map_err(|e| match e {
                 Error::Invalid { at, what } => Error::invalid(format!("{name}.{at}"), what),
@@ -120,9 +139,11 @@ impl CellPetal {
         }
         let transmittance = epidermis.transmittance.zip(&spongy.transmittance, |a, b| a * b);
         let sum = |a: &Spectrum, b: &Spectrum| a.zip(b, |a, b| a + b);
+        // All that crosses the sheet; lobes without light leave it as it is.
+        let through = lobes.iter().fold(transmittance.clone(), |t, lobe| sum(&t, lobe.share()));
         let e = sum(&epidermis.diffuse, &epidermis.specular);
         let s = sum(&spongy.diffuse, &spongy.specular);
-        let upper = sum(&sum(&e, &s), &transmittance).max();
+        let upper = sum(&sum(&e, &s), &through).max();
         if upper.is_nan() || upper > 1.0 + 1e-5 {
             return Err(Error::invalid(
                 "epidermis",
@@ -131,7 +152,7 @@ impl CellPetal {
                 ),
             ));
         }
-        let lower = sum(&abaxial, &transmittance).max();
+        let lower = sum(&abaxial, &through).max();
         if lower.is_nan() || lower > 1.0 + 1e-5 || abaxial.zip(&Spectrum::from(0.0), |a, _| -a).max() > 0.0 {
             return Err(Error::invalid(
                 "abaxial",
@@ -140,15 +161,20 @@ impl CellPetal {
                 ),
             ));
         }
-        let (e, s, t, b) = (e.mean(), s.mean(), transmittance.mean(), abaxial.mean());
+        let (e, s, t, b) = (e.mean(), s.mean(), through.mean(), abaxial.mean());
         let share = |part: f32, whole: f32| if whole > 0.0 { part / whole } else { 0.0 };
-        let choose =
-            Choose { epidermis: share(e, e + s + t), spongy: share(s, e + s + t), abaxial: share(b, b + t) };
+        let choose = Choose {
+            epidermis: share(e, e + s + t),
+            spongy: share(s, e + s + t),
+            abaxial: share(b, b + t),
+            diffuse: share(transmittance.mean(), t),
+        };
         Ok(Self {
             cells,
             epidermis: lobe(epidermis, "epidermis")?,
             spongy: lobe(spongy, "spongy")?,
             transmittance,
+            lobes,
             abaxial,
             choose,
         })
@@ -176,9 +202,9 @@ impl CellPetal {
         both(&self.epidermis) + both(&self.spongy)
     }
 
-    /// Share of the light that crosses the sheet, diffusely.
-    pub fn transmittance(&self) -> &Spectrum {
-        &self.transmittance
+    /// Share of the light that crosses the sheet, where it falls upright on it.
+    pub fn transmittance(&self, lambda: &SampledWavelengths) -> SampledSpectrum {
+        self.lobes.iter().fold(self.transmittance.sample(lambda), |t, lobe| t + lobe.share().sample(lambda))
     }
 
     /// Unbiased estimate of `f(wo, wi)`, 1/sr, from `points` random points of the cells within `footprint`.
@@ -201,7 +227,10 @@ impl CellPetal {
                 sampler.end_fork();
                 sum * (1.0 / points.max(1) as f32) + self.spongy.eval(wo, wi, lambda)
             }
-            _ => self.transmittance.sample(lambda) * FRAC_1_PI,
+            _ => self
+                .lobes
+                .iter()
+                .fold(self.transmittance.sample(lambda) * FRAC_1_PI, |f, lobe| f + lobe.eval(wo, wi, lambda)),
         }
     }
 
@@ -331,8 +360,40 @@ impl CellPetal {
             return Some((-w, self.abaxial.sample(lambda) * (1.0 / choose.abaxial)));
         }
         let through = if wi.z > 0.0 { 1.0 - choose.epidermis - choose.spongy } else { 1.0 - choose.abaxial };
-        let out = if wi.z > 0.0 { -w } else { w };
-        (through > 1e-6).then(|| (out, self.transmittance.sample(lambda) * (1.0 / through)))
+        if through <= 1e-6 {
+            return None;
+        }
+        let u_through = ((u_lobe - (1.0 - through)) / through).clamp(0.0, 0.999_999_9);
+        let (out, weight) = self.cross(wi, lambda, u_through, u, w)?;
+        Some((out, weight * (1.0 / through)))
+    }
+
+    /// Light that crosses the sheet; `w` is the direction of the diffuse part, above.
+    fn cross(
+        &self,
+        wi: Vec3,
+        lambda: &SampledWavelengths,
+        u_through: f32,
+        u: Vec2,
+        w: Vec3,
+    ) -> Option<(Vec3, SampledSpectrum)> {
+        let diffuse = self.choose.diffuse;
+        // Where there are no lobes, `diffuse` is one (or nothing crosses the sheet at all).
+        if self.lobes.is_empty() || u_through < diffuse {
+            let out = if wi.z > 0.0 { -w } else { w };
+            let choice = if self.lobes.is_empty() { 1.0 } else { diffuse };
+            return Some((out, self.transmittance.sample(lambda) * (1.0 / choice)));
+        }
+        // The lobes share the rest in proportion to their means.
+        let total: f32 = self.lobes.iter().map(|l| l.share().mean()).sum();
+        let mut rest = (u_through - diffuse) / (1.0 - diffuse) * total;
+        let lobe = self.lobes.iter().find(|l| {
+            rest -= l.share().mean();
+            rest < 0.0
+        })?;
+        let (out, weight) = lobe.scatter(wi, lambda, u)?;
+        let choice = (1.0 - diffuse) * lobe.share().mean() / total;
+        Some((out, weight * (1.0 / choice)))
     }
 }
 

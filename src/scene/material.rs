@@ -106,7 +106,7 @@ impl Material {
     pub fn transmittance(&self, lambda: &SampledWavelengths) -> SampledSpectrum {
         match self {
             Material::Diffuse(m) => m.transmittance().sample(lambda),
-            Material::Petal(m) => m.transmittance().sample(lambda),
+            Material::Petal(m) => m.transmittance(lambda),
             _ => SampledSpectrum::ZERO,
         }
     }
@@ -120,7 +120,7 @@ impl Material {
             Material::Phong(m) => m.diffuse().sample(lambda) + m.specular().sample(lambda),
             Material::LiteralPhong(m) => m.diffuse().sample(lambda),
             Material::Diffuse(m) => m.reflectance(side).sample(lambda) + m.transmittance().sample(lambda),
-            Material::Petal(m) => m.albedo(wo, lambda) + m.transmittance().sample(lambda),
+            Material::Petal(m) => m.albedo(wo, lambda) + m.transmittance(lambda),
         }
     }
 }

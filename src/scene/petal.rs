@@ -2,7 +2,7 @@
 //!
 //! Model of the pigment (our reading): the layers' coefficients are those of colourless tissue, and light on
 //! its way through an epidermis loses by Beer-Lambert ([`crate::spectrum::pigment`]): the epidermis' own diffuse
-//! light crosses the upper one once, the spongy layer's light twice, transmitted light both epidermes once,
+//! light crosses the upper one once, the spongy layer's light twice, transmitted light both epidermes once (with or without a direction),
 //! light from the lower side the lower one twice; the epidermis' highlight comes from its outer wall, uncoloured.
 
 use std::sync::Arc;
@@ -14,6 +14,7 @@ use super::key::Key;
 use crate::Result;
 use crate::micro::CellField;
 use crate::micro::shading::{CellPetal, Layer};
+use crate::micro::transmission::{TransmissionLobe, Way};
 use crate::spectrum::Spectrum;
 use crate::spectrum::pigment::{MAX_UG_PER_CM2, anthocyanin_transmittance};
 
@@ -66,15 +67,32 @@ impl PetalDescription {
         spongy.transmittance = colour(&spongy.transmittance, &through_lower);
         let abaxial = reflectance(&shading.abaxial, &key.at("abaxial"), assets)?;
         let abaxial = colour(&abaxial, &anthocyanin_transmittance(lower, 2.0));
-        key.under(CellPetal::new(cells, &epidermis, &spongy, abaxial))
+        let through = colour(&once, &through_lower);
+        let t = &shading.transmission;
+        let mut lobes = Vec::new();
+        for (way, share, name, exponent) in [
+            (Way::Direct, &t.direct, "direct", t.direct_exponent),
+            (Way::Indirect, &t.indirect, "indirect", t.indirect_exponent),
+        ] {
+            let key = key.at("transmission");
+            let share = colour(&reflectance(share, &key.at(name), assets)?, &through);
+            let lobe = key.under(TransmissionLobe::new(way, share, exponent as f32))?;
+            // A lobe without light would only cost time.
+            if lobe.share().max() > 0.0 {
+                lobes.push(lobe);
+            }
+        }
+        key.under(CellPetal::with_lobes(cells, &epidermis, &spongy, abaxial, lobes))
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::description::{SpectrumDescription, TransmissionDescription};
     use super::*;
     use crate::scene::assets::MemoryAssets;
     use crate::scene::load;
+    use crate::spectrum::SampledWavelengths;
 
     #[test]
     fn thesis_preset_is_the_default() {
@@ -92,9 +110,39 @@ mod tests {
     }
 
     #[test]
+    fn transmission_lobes_are_checked_by_key_and_coloured() {
+        let mut d = PetalDescription::default();
+        d.shading.transmission.direct = SpectrumDescription::Constant(0.05);
+        d.shading.transmission.indirect = SpectrumDescription::Constant(0.04);
+        let plain = PetalDescription::default().compile("", &MemoryAssets::default()).unwrap();
+        let petal = d.compile("", &MemoryAssets::default()).unwrap();
+        let lambda = SampledWavelengths::given([400.0, 450.0, 500.0, 535.0, 550.0, 600.0, 650.0, 700.0]);
+        let more = petal.transmittance(&lambda) - plain.transmittance(&lambda);
+        // Red light passes the pigment, green hardly.
+        assert!(more[7] > 0.08 && more[7] <= 0.0901 && more[3] < 0.02, "{more:?}");
+        for (key, change) in [
+            (
+                "direct",
+                (|t| t.direct = SpectrumDescription::Constant(1.5)) as fn(&mut TransmissionDescription),
+            ),
+            ("indirect", |t| t.indirect = SpectrumDescription::Constant(f64::NAN)),
+            ("direct_exponent", |t| t.direct_exponent = -1.0),
+            ("indirect_exponent", |t| t.indirect_exponent = f64::INFINITY),
+        ] {
+            let mut d = d.clone();
+            change(&mut d.shading.transmission);
+            let e = d.compile("petal", &MemoryAssets::default()).unwrap_err().to_string();
+            assert!(e.starts_with(&format!("petal.shading.transmission.{key}: ")), "{e}");
+        }
+        d.shading.transmission.direct = SpectrumDescription::Constant(0.5);
+        let e = d.compile("petal", &MemoryAssets::default()).unwrap_err().to_string();
+        assert!(e.starts_with("petal.shading.epidermis"), "{e}");
+    }
+
+    #[test]
     fn energy_and_ranges_are_checked_by_key() {
         let mut d = PetalDescription::default();
-        d.shading.spongy.diffuse = super::super::description::SpectrumDescription::Constant(0.9);
+        d.shading.spongy.diffuse = SpectrumDescription::Constant(0.9);
         // Red light passes the pigment: there the sum exceeds one.
         let e = d.compile("petal", &MemoryAssets::default()).unwrap_err().to_string();
         assert!(e.starts_with("petal.shading.epidermis"), "{e}");

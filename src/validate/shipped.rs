@@ -4,7 +4,7 @@ use super::{Report, Test};
 use crate::Result;
 use crate::bsdf::{Bsdf, DiffuseTransmission, Lambert, LiteralPhong, Phong};
 use crate::micro::shading::CellPetal;
-use crate::scene::description::PetalDescription;
+use crate::scene::description::{PetalDescription, SpectrumDescription, TransmissionDescription};
 use crate::scene::petal::PRESETS;
 use crate::scene::{MemoryAssets, load};
 use crate::spectrum::Spectrum;
@@ -70,11 +70,21 @@ pub fn shipped() -> Result<Vec<Shipped>> {
     Ok(all)
 }
 
-/// Every petal of cells that comes with the program, for [`super::check_petal`].
+/// Every petal of cells that comes with the program, and one whose transmitted light keeps directions, for
+/// [`super::check_petal`].
 pub fn shipped_petals() -> Result<Vec<(&'static str, CellPetal)>> {
     let petal = |&(name, text): &(&'static str, &str)| {
         let description = load::<PetalDescription>(text, name, &[])?.description;
         Ok((name, description.compile("", &MemoryAssets::default())?))
     };
-    PRESETS.iter().map(petal).collect()
+    let mut all = PRESETS.iter().map(petal).collect::<Result<Vec<_>>>()?;
+    let mut lobes = PetalDescription::default();
+    lobes.shading.transmission = TransmissionDescription {
+        direct: SpectrumDescription::Constant(0.06),
+        direct_exponent: 30.0,
+        indirect: SpectrumDescription::Constant(0.04),
+        indirect_exponent: 6.0,
+    };
+    all.push(("transmission lobes", lobes.compile("", &MemoryAssets::default())?));
+    Ok(all)
 }

@@ -323,6 +323,25 @@ fn fitted_formulas_are_the_rendered_ones() {
 }
 
 #[test]
+fn fitted_transmission_is_the_rendered_one() {
+    use crate::micro::transmission::{TransmissionLobe, Way};
+    let lambda = SampledWavelengths::visible(0.5);
+    let model = by_name("transmission").unwrap();
+    for (td, m_d, ti, m_i) in [(0.3, 2.0, 0.0, 1.0), (0.0, 1.0, 0.2, 9.0), (0.1, 200.0, 0.4, 0.5)] {
+        let direct = TransmissionLobe::new(Way::Direct, (td as f32).into(), m_d as f32).unwrap();
+        let indirect = TransmissionLobe::new(Way::Indirect, (ti as f32).into(), m_i as f32).unwrap();
+        for &a in &directions() {
+            for &b in &directions() {
+                let (wi, wo) = (a.as_vec3(), b.as_vec3());
+                let r = f64::from((direct.eval(wo, wi, &lambda) + indirect.eval(wo, wi, &lambda))[0]);
+                let f = value(&*model, a, b, &[0.0, td, m_d, ti, m_i]);
+                assert!((f - r).abs() < 2e-4 * f.max(1e-2), "{a} {b}: {f} {r}");
+            }
+        }
+    }
+}
+
+#[test]
 fn a_cone_is_the_weighted_mean_of_its_directions() {
     let (wi, a, b) = (direction_deg(30.0, 0.0), direction_deg(25.0, 170.0), direction_deg(40.0, 190.0));
     let cone = Geometry { pairs: vec![(wi, a, 0.25), (wi, b, 0.75)] };

@@ -19,8 +19,10 @@
 //!
 //! Limits: at normal incidence direct and indirect light go one way, so such readings alone cannot tell them apart.
 //! Each share is exact at normal incidence, and the lobes pass less elsewhere (Guarded by
-//! `coefficients_are_shares_at_normal_incidence`, `lobes_make_no_light`). Source: the division into direct and once-reflected light is
-//! Tachino's (master's thesis, JAIST, 2000; only its table of contents could be read); the equations are our reading.
+//! `coefficients_are_shares_at_normal_incidence`, `lobes_make_no_light`); [`crate::micro::transmission`] renders the
+//! same formula (`fitted_transmission_is_the_rendered_one`). Source: the division into direct and once-reflected
+//! light is Tachino's (master's thesis, JAIST, 2000; only its table of contents could be read); the equations are our
+//! reading.
 
 use std::f64::consts::FRAC_1_PI;
 

@@ -28,7 +28,9 @@ pub use light::{
 pub use material::{
     DiffuseMaterial, LambertMaterial, LiteralPhongMaterial, MaterialDescription, PetalMaterial, PhongMaterial,
 };
-pub use petal::{LayerDescription, PetalDescription, ShadingDescription, ShadingModel};
+pub use petal::{
+    LayerDescription, PetalDescription, ShadingDescription, ShadingModel, TransmissionDescription,
+};
 pub use shape::{
     DiscShape, MeshShape, Placement, QuadShape, RoseMaterials, RoseShape, ShapeDescription, SphereShape,
 };

@@ -43,6 +43,8 @@ pub struct ShadingDescription {
     pub epidermis: LayerDescription,
     /// Spongy layer, on the base: dull.
     pub spongy: LayerDescription,
+    /// Light through the petal that keeps a direction; the layers' `transmittance` is the part that does not.
+    pub transmission: TransmissionDescription,
     /// Reflectance of the lower (abaxial) side, 0 to 1. Default 0.45.
     pub abaxial: SpectrumDescription,
     /// Anthocyanin in the upper epidermis, ug/cm2, 0 to 1000. Light that the epidermis scatters crosses it
@@ -67,6 +69,33 @@ pub struct LayerDescription {
     pub transmittance: SpectrumDescription,
 }
 
+/// `[petal.shading.transmission]`: light that keeps a direction on its way through the petal, before the pigment of
+/// both epidermes takes its part.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct TransmissionDescription {
+    /// Share of upright light that goes straight on, 0 to 1. Default 0.
+    pub direct: SpectrumDescription,
+    /// How sharp it stays: exponent of the cosine, 0 to 1e5. Default 20.
+    pub direct_exponent: f64,
+    /// Share of upright light that an upright inner wall of an epidermal cell reflects once on its way, so that its
+    /// horizontal part is turned round, 0 to 1. Default 0.
+    pub indirect: SpectrumDescription,
+    /// How sharp it stays: exponent of the cosine, 0 to 1e5. Default 10.
+    pub indirect_exponent: f64,
+}
+
+impl Default for TransmissionDescription {
+    fn default() -> Self {
+        Self {
+            direct: SpectrumDescription::Constant(0.0),
+            direct_exponent: 20.0,
+            indirect: SpectrumDescription::Constant(0.0),
+            indirect_exponent: 10.0,
+        }
+    }
+}
+
 impl Default for PetalDescription {
     fn default() -> Self {
         Self { samples: 4, cells: CellDescription::default(), shading: ShadingDescription::default() }
@@ -87,6 +116,7 @@ impl Default for ShadingDescription {
             albedo: SpectrumDescription::Constant(0.5),
             epidermis: layer(0.28, 0.031, 20.0, 0.85),
             spongy: layer(0.18, 0.02, 2.0, 0.45),
+            transmission: TransmissionDescription::default(),
             abaxial: SpectrumDescription::Constant(0.45),
             anthocyanin_ug_per_cm2: 45.0,
             anthocyanin_abaxial_ug_per_cm2: 20.0,
