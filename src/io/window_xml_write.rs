@@ -452,12 +452,14 @@ mod tests {
                 Form::Klems(Klems::Full) => 0.02,
                 Form::Klems(_) => 0.04,
                 Form::TensorTree { rank: 3, .. } => 0.01,
-                Form::TensorTree { .. } => 0.04,
+                Form::TensorTree { .. } => 0.07,
             };
             // Totals are the source's, averaged over the incident patch.
             let close = match form {
-                Form::Klems(Klems::Full) | Form::TensorTree { rank: 3, .. } => 0.005,
-                _ => 0.02,
+                Form::Klems(Klems::Full) => 0.005,
+                Form::TensorTree { rank: 3, .. } => 0.01,
+                Form::Klems(_) => 0.02,
+                Form::TensorTree { .. } => 0.04,
             };
             for (ti, pi) in
                 [(0.0, 0.0), (20.0, 15.0), (35.0, 100.0), (60.0, 250.0), (120.0, 10.0), (170.0, 200.0)]
