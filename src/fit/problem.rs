@@ -177,3 +177,45 @@ impl Residuals for Weighted<'_> {
         1e-30 * size
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fit::options::{Action, Override};
+    use crate::fit::tests::{lobe, measured_in};
+
+    #[test]
+    fn jacobian_matches_differences() {
+        let mut measurement = measured_in(2, 2, |_, wo, b, s| 0.1 * wo.z + 0.05 * b as f64 + 0.02 * s as f64);
+        measurement.detector_half_angle_deg = 2.0;
+        // Two bands, gains, one coefficient tied to another and one to a shape.
+        let tie = |name: &str, to: &str, factor| Override {
+            name: name.into(),
+            action: Action::Tie { to: to.into(), factor },
+        };
+        let parameters = vec![tie("kd[550 nm]", "kd[450 nm]", 0.5), tie("ks[450 nm]", "n", 0.001)];
+        let options = Options { gains: true, parameters, ..Options::default() };
+        let problem = Problem::new(&lobe(), &measurement, &options).unwrap();
+        let names: Vec<&str> =
+            (0..problem.layout.free.len()).map(|v| &*problem.layout.free_slot(v).name).collect();
+        assert_eq!(names, ["n", "kd[450 nm]", "ks[550 nm]", "gain[s1]"]);
+        let x = [20.0, 0.3, 0.2, 1.3];
+        let n = measurement.readings.len();
+        let (mut m, mut j) = (vec![0.0; n], DMatrix::zeros(n, 4));
+        problem.model(&x, &mut m, Some(&mut j));
+        for v in 0..4 {
+            let h = 1e-5 * x[v];
+            let at = |x: f64, v: usize, mut all: [f64; 4]| {
+                let mut m = vec![0.0; n];
+                all[v] = x;
+                problem.model(&all, &mut m, None);
+                m
+            };
+            let (a, b) = (at(x[v] - h, v, x), at(x[v] + h, v, x));
+            for i in 0..n {
+                let difference = (b[i] - a[i]) / (2.0 * h);
+                assert!((difference - j[(i, v)]).abs() < 1e-8, "{v} {i}: {difference} {}", j[(i, v)]);
+            }
+        }
+    }
+}

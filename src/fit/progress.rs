@@ -17,8 +17,8 @@ pub(crate) struct Steps<'a> {
 }
 
 impl<'a> Steps<'a> {
-    pub(crate) fn new(total: u64, tell: Progress<'a>) -> Self {
-        Self { done: AtomicU64::new(0), total: AtomicU64::new(total), stopped: AtomicBool::new(false), tell }
+    pub(crate) fn new(tell: Progress<'a>) -> Self {
+        Self { done: AtomicU64::new(0), total: AtomicU64::new(0), stopped: AtomicBool::new(false), tell }
     }
 
     /// More to do than was thought.

@@ -60,6 +60,7 @@ impl Objective<'_> {
     pub(crate) fn search(&self, count: usize, seed: u64, steps: &Steps) -> Result<Found> {
         let layout = &self.problem.layout;
         let starts = starts(layout, count, seed);
+        steps.add(starts.len() as u64);
         let ends = starts
             .into_par_iter()
             .enumerate()

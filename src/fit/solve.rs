@@ -277,3 +277,113 @@ pub(crate) fn triangle(
     }
     if rows == 0 || all == 0 { (a, b) } else { reduce(a, b) }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Residuals and derivatives of a small problem.
+    type System = fn(&[f64]) -> (Vec<f64>, Vec<Vec<f64>>);
+
+    struct Test {
+        system: System,
+        groups: Vec<Vec<usize>>,
+    }
+
+    impl Residuals for Test {
+        fn groups(&self) -> &[Vec<usize>] {
+            &self.groups
+        }
+        fn eval(&self, x: &[f64], residuals: &mut [f64], jacobian: &mut DMatrix<f64>) {
+            let (r, j) = (self.system)(x);
+            residuals.copy_from_slice(&r);
+            for (i, row) in j.iter().enumerate() {
+                row.iter().enumerate().for_each(|(k, v)| jacobian[(i, k)] = *v);
+            }
+        }
+        fn floor(&self) -> f64 {
+            0.0
+        }
+    }
+
+    fn end(system: System, start: &[f64], lower: &[f64], upper: &[f64]) -> Solution {
+        let n = system(start).0.len();
+        let test = Test { system, groups: vec![(0..n / 2).collect(), (n / 2..n).collect()] };
+        let end = solve(&test, start, (lower, upper), &ScaledLoss::LINEAR);
+        for i in 0..start.len() {
+            assert!(end.x[i] >= lower[i] && end.x[i] <= upper[i], "{:?}", end.x);
+        }
+        end
+    }
+
+    fn close(x: &[f64], expected: &[f64], absolute: f64) {
+        assert!(x.iter().zip(expected).all(|(a, b)| (a - b).abs() < absolute), "{x:?} {expected:?}");
+    }
+
+    const ROSENBROCK: System =
+        |x| (vec![10.0 * (x[1] - x[0] * x[0]), 1.0 - x[0]], vec![vec![-20.0 * x[0], 10.0], vec![-1.0, 0.0]]);
+    /// Powell's singular function: the Jacobian loses rank at its minimum.
+    const POWELL: System = |x| {
+        let (a, b) = (x[1] - 2.0 * x[2], x[0] - x[3]);
+        let (s5, s10) = (5f64.sqrt(), 10f64.sqrt());
+        (
+            vec![x[0] + 10.0 * x[1], s5 * (x[2] - x[3]), a * a, s10 * b * b],
+            vec![
+                vec![1.0, 10.0, 0.0, 0.0],
+                vec![0.0, 0.0, s5, -s5],
+                vec![0.0, 2.0 * a, -4.0 * a, 0.0],
+                vec![2.0 * s10 * b, 0.0, 0.0, -2.0 * s10 * b],
+            ],
+        )
+    };
+
+    #[test]
+    fn valleys_and_bounds() {
+        let far = [f64::MAX; 4];
+        let near = far.map(|v| -v);
+        let free = end(ROSENBROCK, &[-1.2, 1.0], &near[..2], &far[..2]);
+        assert!(free.converged && free.evaluations < 60, "{}", free.evaluations);
+        close(&free.x, &[1.0, 1.0], 1e-12);
+        // Held at x0 <= 0.8 the valley's floor is x1 = x0^2; at x1 >= 1.5 the best x0 is a root of the gradient.
+        let held = end(ROSENBROCK, &[-1.2, 1.0], &[-2.0, -2.0], &[0.8, 5.0]);
+        close(&held.x, &[0.8, 0.64], 1e-12);
+        assert!(held.converged);
+        // numpy.roots([400, 0, -598, -2])
+        let held = end(ROSENBROCK, &[0.5, 4.0], &[-2.0, 1.5], &[2.0, 5.0]);
+        close(&held.x, &[1.224370748736352, 1.5], 1e-9);
+        // A start at the wrong bound is released.
+        let freed = end(ROSENBROCK, &[2.0, -2.0], &[-2.0, -2.0], &[2.0, 2.0]);
+        close(&freed.x, &[1.0, 1.0], 1e-12);
+        // Equal bounds hold.
+        close(&end(ROSENBROCK, &[0.3, 0.3], &[0.5, -9.0], &[0.5, 9.0]).x, &[0.5, 0.25], 1e-12);
+        let powell = end(POWELL, &[3.0, -1.0, 0.0, 1.0], &near, &far);
+        assert!(powell.cost < 1e-20 && powell.x.iter().all(|x| x.abs() < 1e-4), "{powell:?}");
+    }
+
+    #[test]
+    fn nonsense_ends() {
+        let wide = (&[-1e9, -1e9][..], &[1e9, 1e9][..]);
+        let nan: System = |_| (vec![f64::NAN; 2], vec![vec![0.0; 2]; 2]);
+        let flat: System = |_| (vec![1.0; 2], vec![vec![0.0; 2]; 2]);
+        let lies: System = |x| (vec![x[0], x[1]], vec![vec![-1.0, 0.0], vec![0.0, -1.0]]);
+        let cliff: System = |x| {
+            let v = if x[0] > 0.5 { f64::INFINITY } else { 1.0 - x[0] };
+            (vec![v, x[1]], vec![vec![-1.0, 0.0], vec![0.0, 1.0]])
+        };
+        let same: System = |x| {
+            let r = x[0] + x[1] - 3.0;
+            (vec![r, 2.0 * r + 1.0], vec![vec![1.0, 1.0], vec![2.0, 2.0]])
+        };
+        for system in [nan, flat, lies, cliff, same] {
+            let end = end(system, &[0.2, 0.1], wide.0, wide.1);
+            assert!(end.x.iter().all(|x| x.is_finite()) && !end.cost.is_nan(), "{end:?}");
+            assert!(end.evaluations < 5000, "{}", end.evaluations);
+        }
+        assert!(end(flat, &[0.2, 0.1], wide.0, wide.1).converged);
+        assert!(!end(lies, &[0.2, 0.1], wide.0, wide.1).converged);
+        assert_eq!(end(nan, &[0.2, 0.1], wide.0, wide.1).cost, f64::INFINITY);
+        // Dependent columns: a step of least length, and the best cost.
+        let end = end(same, &[0.2, 0.1], wide.0, wide.1);
+        assert!((end.x[0] + end.x[1] - 2.6).abs() < 1e-9 && end.converged, "{end:?}");
+    }
+}

@@ -93,7 +93,7 @@ pub(crate) fn line() -> Simple {
     }
 }
 
-/// Lamps at 20 and 50 deg, views of theta 0-60 and phi 0-180: 74 readings of one band and series.
+/// Lamps at 20 and 50 deg, views of theta 0-60 and phi 0-180: 72 readings of one band and series.
 pub(crate) fn measured(value: impl Fn(DVec3, DVec3, usize, usize) -> f64) -> Measurement {
     measured_in(1, 1, value)
 }
