@@ -1,0 +1,207 @@
+//! Fits of tables whose truth is known: do the intervals cover it as often as they say, and are the values unbiased?
+//!
+//! Each table has random true parameters inside the model's bounds, the directions of a real instrument, and normal errors of
+//! 1 % or 5 % of the true value, which the sigma column states. A parameter is judged in a table where its truth is
+//! away from its bounds: further than four of its true standard errors (from the information of the readings at
+//! the truth), for it and for every other parameter of the table: where another is at its bound, its own interval is
+//! no longer that of the model without bounds.
+
+use std::ops::ControlFlow;
+
+use glam::DVec3;
+use rayon::prelude::*;
+use rosarium::fit::{Geometry, Kind, Model, Options, models};
+use rosarium::gonio::measurement::direction_deg;
+use rosarium::gonio::{Band, ExitantGrid, Measurement, Reading};
+use rosarium::math::sampler::{hash, hash_to_unit};
+use rosarium::math::stats::normal_quantile;
+
+const MODELS: [&str; 3] = ["lambert+phong", "retro", "ggx+lambert"];
+const NOISES: [f64; 2] = [0.01, 0.05];
+
+/// Pairs of directions of a table.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Angles {
+    /// Lamp 20, 30, 40, 50 deg; 42 views of theta 0-60 and phi 0-180, the one at the lamp missing.
+    Leaf,
+    /// Lamp 30 and 60 deg; bins of the default grid within 75 deg, every second azimuth.
+    Grid,
+}
+
+fn directions(angles: Angles) -> Vec<(DVec3, DVec3)> {
+    let mut pairs = Vec::new();
+    let mut lit = |lamp: f64, views: &[(f64, f64)]| {
+        let wi = direction_deg(lamp, 0.0);
+        pairs.extend(views.iter().map(|&(theta, phi)| (wi, direction_deg(theta, phi))));
+    };
+    match angles {
+        Angles::Leaf => {
+            for lamp in [20.0, 30.0, 40.0, 50.0] {
+                let mut views = vec![(0.0, 0.0)];
+                for theta in 1..=6 {
+                    views.extend((0..=6).map(|phi| (10.0 * f64::from(theta), 30.0 * f64::from(phi))));
+                }
+                views.retain(|v| *v != (lamp, 0.0));
+                assert_eq!(views.len(), 42);
+                lit(lamp, &views);
+            }
+        }
+        Angles::Grid => {
+            let grid = ExitantGrid::default();
+            let views: Vec<(f64, f64)> = (0..grid.len())
+                .filter(|i| i % 2 == 0)
+                .map(|i| grid.centre_deg(i))
+                .filter(|(theta, _)| *theta < 75.0)
+                .collect();
+            [30.0, 60.0].iter().for_each(|lamp| lit(*lamp, &views));
+        }
+    }
+    pairs
+}
+
+/// Normal numbers that depend on the key only.
+fn normal(key: u32) -> f64 {
+    normal_quantile((hash_to_unit(key) + 0.5 / 4_294_967_296.0).min(1.0 - 1e-10))
+}
+
+/// A truth inside the bounds: coefficients 0.02 to 0.6 of their range, shapes the middle 60 % of theirs.
+fn truth(model: &dyn Model, key: u32) -> Vec<f64> {
+    let draw = |(i, p): (usize, &rosarium::fit::Parameter)| {
+        let u = hash_to_unit(key ^ hash(i as u32 + 1));
+        match p.kind {
+            Kind::Coefficient => p.min + (0.02 + 0.58 * u) * (p.max - p.min),
+            Kind::Shape if p.logarithmic && p.min > 0.0 => p.min * (p.max / p.min).powf(0.2 + 0.6 * u),
+            Kind::Shape => p.min + (0.2 + 0.6 * u) * (p.max - p.min),
+        }
+    };
+    model.parameters().iter().enumerate().map(draw).collect()
+}
+
+/// One parameter of one table.
+struct Outcome {
+    parameter: usize,
+    covered: bool,
+    /// (estimate - truth) / true standard error.
+    z: f64,
+}
+
+/// Outcomes of one table; `None` where a truth is near a bound or not determined.
+fn table(model: &dyn Model, pairs: &[(DVec3, DVec3)], noise: f64, key: u32) -> Option<Vec<Outcome>> {
+    let truth = truth(model, key);
+    let (n, k) = (pairs.len(), truth.len());
+    let geometries: Vec<Geometry> = pairs.iter().map(|&(wi, wo)| Geometry::point(wi, wo)).collect();
+    let (mut values, mut jacobian) = (vec![0.0; n], vec![0.0; n * k]);
+    model.prepare(&geometries).unwrap().eval(&truth, &mut values, Some(&mut jacobian));
+    // Information at the truth; columns in units of the truth keep it well scaled.
+    let row = |a: usize, i: usize| jacobian[a * n + i] * truth[a] / (noise * values[i]);
+    let information =
+        nalgebra::DMatrix::from_fn(k, k, |a, b| (0..n).map(|i| row(a, i) * row(b, i)).sum::<f64>());
+    let inverse = information.try_inverse()?;
+    let errors: Vec<f64> = (0..k).map(|a| inverse[(a, a)].sqrt() * truth[a]).collect();
+    let away = (0..k).all(|a| {
+        let p = &model.parameters()[a];
+        errors[a].is_finite() && truth[a] - p.min > 4.0 * errors[a] && p.max - truth[a] > 4.0 * errors[a]
+    });
+    if !away {
+        return None;
+    }
+    let reading = |(i, &(wi, wo)): (usize, &(DVec3, DVec3))| Reading {
+        wi,
+        wo,
+        series: 0,
+        band: 0,
+        bsdf_per_sr: values[i] * (1.0 + noise * normal(hash(key ^ 0x5bd1) ^ hash(i as u32))),
+        sigma_per_sr: Some(noise * values[i]),
+    };
+    let measurement = Measurement {
+        sample: "synthetic".into(),
+        bands: vec![Band::nm(550.0)],
+        series: vec!["1".into()],
+        readings: pairs.iter().enumerate().map(reading).collect(),
+        ..Default::default()
+    };
+    let options = Options { level: Some(0.95), ..Options::default() };
+    let fit = rosarium::fit::fit(model, &measurement, &options, &|_, _| ControlFlow::Continue(())).unwrap();
+    let found = (0..k).map(|a| {
+        let p = fit.parameters.iter().find(|f| f.name == model.parameters()[a].name).unwrap();
+        let interval = p.interval.unwrap();
+        let covered = (interval.low.value()..=interval.high.value()).contains(&truth[a]);
+        Outcome { parameter: a, covered, z: (p.value - truth[a]) / errors[a] }
+    });
+    Some(found.collect())
+}
+
+/// `(judged, covered, mean z)` of one parameter under one setting.
+struct Row {
+    name: String,
+    judged: usize,
+    coverage: f64,
+    bias: f64,
+}
+
+fn study(tables: u32) -> Vec<Row> {
+    let mut rows = Vec::new();
+    for name in MODELS {
+        let model = models::by_name(name).unwrap();
+        for (setting, angles) in [Angles::Leaf, Angles::Grid].into_iter().enumerate() {
+            let pairs = directions(angles);
+            for (level, noise) in NOISES.into_iter().enumerate() {
+                let family = hash((2 * setting + level) as u32 ^ hash(rows.len() as u32));
+                // Draws whose truth is near a bound are replaced, ten times at most.
+                let outcomes: Vec<Outcome> = (0..tables)
+                    .into_par_iter()
+                    .filter_map(|t| {
+                        (0..10)
+                            .find_map(|again| table(&*model, &pairs, noise, family ^ hash(1000 * t + again)))
+                    })
+                    .flatten()
+                    .collect();
+                for (a, p) in model.parameters().iter().enumerate() {
+                    let of: Vec<&Outcome> = outcomes.iter().filter(|o| o.parameter == a).collect();
+                    let judged = of.len();
+                    let share = |sum: f64| sum / judged.max(1) as f64;
+                    rows.push(Row {
+                        name: format!("{name} {angles:?} {:.0} % {}", 100.0 * noise, p.name),
+                        judged,
+                        coverage: share(of.iter().filter(|o| o.covered).count() as f64),
+                        bias: share(of.iter().map(|o| o.z).sum()),
+                    });
+                }
+            }
+        }
+    }
+    rows
+}
+
+fn print(rows: &[Row]) {
+    println!("{:<36} {:>6} {:>9} {:>7}", "model, angles, noise, parameter", "tables", "coverage", "bias");
+    for r in rows {
+        println!("{:<36} {:>6} {:>8.1}% {:>7.3}", r.name, r.judged, 100.0 * r.coverage, r.bias);
+    }
+}
+
+#[test]
+fn intervals_cover_the_truth() {
+    let rows = study(20);
+    print(&rows);
+    let judged: usize = rows.iter().map(|r| r.judged).sum();
+    let mean =
+        |f: &dyn Fn(&Row) -> f64| rows.iter().map(|r| r.judged as f64 * f(r)).sum::<f64>() / judged as f64;
+    // All parameters together: about 800 outcomes, of which those of one table go together.
+    let (coverage, bias) = (mean(&|r| r.coverage), mean(&|r| r.bias));
+    assert!(judged > 500, "{judged}");
+    assert!((0.90..=0.99).contains(&coverage), "{coverage}");
+    assert!(bias.abs() < 0.2, "{bias}");
+}
+
+#[test]
+#[ignore = "slow tier: scripts/test runs it"]
+fn intervals_cover_the_truth_in_300_tables() {
+    let rows = study(300);
+    print(&rows);
+    for r in &rows {
+        assert!(r.judged >= 150, "{}: {} tables", r.name, r.judged);
+        assert!((0.90..=0.99).contains(&r.coverage), "{}: {}", r.name, r.coverage);
+        assert!(r.bias.abs() < 0.2, "{}: {}", r.name, r.bias);
+    }
+}
