@@ -140,7 +140,8 @@ mod tests {
         assert_eq!(fields["a"].bytes[4..8], (-2f32).to_le_bytes());
         assert_eq!(&fields["name"].bytes[..], b"petal");
         assert!(fields["empty"].bytes.is_empty());
-        assert!(fields.values().all(|f| (f.bytes.as_ptr() as usize - bytes.as_ptr() as usize) % 8 == 0));
+        let offset = |f: &Field<'_>| f.bytes.as_ptr() as usize - bytes.as_ptr() as usize;
+        assert!(fields.values().all(|f| offset(f).is_multiple_of(8)));
     }
 
     #[test]

@@ -172,7 +172,8 @@ fn files_for_other_programs() {
         let mut csv =
             String::from("wi_x,wi_y,wi_z,wo_x,wo_y,wo_z,wavelength_nm,source_per_sr,reader_per_sr\n");
         let unit = |i: u32| f64::from(crate::math::sampler::hash(i)) / f64::from(u32::MAX);
-        for i in 0..1000 {
+        // Pair 0 would be the normal itself, where the azimuth means nothing.
+        for i in 1..=1000 {
             // Even in sin^2 theta up to 80 deg.
             let direction = |k: u32| {
                 let theta = (unit(4 * i + k) * 80f64.to_radians().sin().powi(2)).sqrt().asin();
