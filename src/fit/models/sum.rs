@@ -28,8 +28,8 @@ impl Model for Sum {
     }
 
     fn prepare(&self, geometries: &[Geometry]) -> Result<Box<dyn Prepared>> {
-        let prepare = |m: &Box<dyn Model>| Ok((m.parameters().len(), m.prepare(geometries)?));
-        Ok(Box::new(At(self.parts.iter().map(prepare).collect::<Result<_>>()?)))
+        let parts = self.parts.iter().map(|m| Ok((m.parameters().len(), m.prepare(geometries)?)));
+        Ok(Box::new(At(parts.collect::<Result<_>>()?)))
     }
 }
 
