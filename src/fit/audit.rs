@@ -152,7 +152,9 @@ impl Audit {
                 };
                 totals.push(totals_of(lamp, own, weights, readings));
             }
-            let largest = (0..totals.len()).max_by(|&a, &b| totals[a].total().total_cmp(&totals[b].total()));
+            // Rounding does not choose between equal totals: the first of them.
+            let largest = (0..totals.len())
+                .reduce(|a, b| if totals[b].total() > totals[a].total() + 1e-9 { b } else { a });
             let (asymmetry, worst) = asymmetry(rest);
             BandAudit {
                 band: description.name.clone(),

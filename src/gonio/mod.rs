@@ -22,10 +22,12 @@ pub mod measurement;
 pub mod directional;
 pub mod readings;
 mod shares;
+pub mod plane;
 
 pub use directional::{Coverage, Directional, directional_hemispherical};
 pub use goniophotometer::Goniophotometer;
 pub use grid::{ExitantGrid, PlaneScan};
 pub use measurement::{Band, Measurement, Reading, Scale};
 pub use readings::sample;
+pub use plane::Plane;
 pub use table::{Estimate, GonioTable, Incidence, Ledger, Totals};

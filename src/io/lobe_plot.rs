@@ -1,21 +1,23 @@
-//! Pictures of the plane of incidence of a goniometer table, as SVG or PNG.
+//! Pictures of the plane of incidence, of a goniometer table or of any measurement, as SVG or PNG.
 //!
 //! - Cartesian panel: BSDF in 1/sr against the signed exitant angle, with a band of one standard error.
 //! - Polar panel: BSDF times cos(theta), which is the intensity that a goniometer sees (a Lambert sample is
 //!   a circle that touches the origin), against the same angle, the normal upwards.
 //!
 //! Signed angles are positive on the lamp's side; beyond +-90 deg is transmission, shown where there is any.
-//! One colour per incidence; thin straight lines point at the lamp, dotted ones at the mirror direction.
+//! One colour per incidence; thin straight lines point at the lamp, dotted ones at the mirror direction. Of a
+//! measurement, points are the readings in the plane, joined by lines; several series are averaged.
 
 use std::sync::Arc;
 
-use kuva::plot::LegendShape;
 use kuva::plot::polar::{PolarMode, PolarPlot, PolarSeries};
-use kuva::prelude::{Figure, Layout, LegendEntry, LinePlot, LineStyle, Plot, TickFormat};
+use kuva::prelude::{Figure, Layout, LegendEntry, LinePlot, Plot, ScatterPlot, TickFormat};
 use kuva::render::figure::FigureLegendPosition;
-use kuva::render::render::Scene;
 
-use crate::gonio::{Estimate, GonioTable, Incidence};
+use super::picture::{
+    COLORS, GREY, MIRROR_DASH, Picture, label, lamp_and_mirror, line_entry, spread, stretches, superscript,
+};
+use crate::gonio::{Estimate, GonioTable, Incidence, Measurement, Plane, Scale};
 use crate::{Error, Result};
 
 /// What to draw.
@@ -30,35 +32,24 @@ pub enum LobePlot {
     Cartesian,
 }
 
-/// Colours that stay apart for most eyes (Okabe and Ito 2008), without their yellow.
-const COLORS: [&str; 7] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#333333"];
-const GREY: &str = "#555555";
-const MIRROR_DASH: &str = "3 5";
 const PANEL_PX: (f64, f64) = (560.0, 500.0);
+/// More lamps than this cannot be told apart in one picture.
+const MAX_LAMPS: usize = 9;
 
 /// The picture as an SVG document. `band` chooses a wavelength of the table; without it, their mean.
 pub fn svg(table: &GonioTable, plot: LobePlot, band: Option<usize>) -> Result<String> {
-    Ok(kuva::backend::svg::SvgBackend::default().render_scene(&scene(table, plot, band)?))
+    Ok(of_table(table, plot, band)?.svg())
 }
 
 /// The picture as PNG bytes, at twice the size of the SVG.
 pub fn png(table: &GonioTable, plot: LobePlot, band: Option<usize>) -> Result<Vec<u8>> {
-    kuva::backend::png::PngBackend::new()
-        .render_scene(&scene(table, plot, band)?)
-        .map_err(|e| Error::Unsupported(format!("PNG of this plot: {e}")))
+    of_table(table, plot, band)?.png()
 }
 
-/// One incidence in the plane of incidence.
-struct Curve {
-    incident_deg: f64,
-    color: &'static str,
-    points: Vec<(f64, Estimate)>,
-}
-
-fn scene(table: &GonioTable, plot: LobePlot, band: Option<usize>) -> Result<Scene> {
-    if band.is_some_and(|b| b >= table.bands_nm.len()) {
-        return Err(Error::invalid("band", format!("the table has {} bands", table.bands_nm.len())));
-    }
+/// The lobes of a table. `band` chooses a wavelength; without it, their mean.
+pub fn of_table(table: &GonioTable, plot: LobePlot, band: Option<usize>) -> Result<Picture> {
+    let names: Vec<String> = table.bands_nm.iter().map(|b| format!("{b} nm")).collect();
+    let bands = band_title(&names, band)?;
     let transmits = table.incidences.iter().any(|i| i.mean.transmittance.value > 0.0);
     let limit_deg = if transmits { 180.0 } else { 90.0 };
     let curves: Vec<Curve> = table
@@ -69,31 +60,122 @@ fn scene(table: &GonioTable, plot: LobePlot, band: Option<usize>) -> Result<Scen
             incident_deg: i.incident_deg,
             color,
             points: points(table, i, band).into_iter().filter(|p| p.0.abs() <= limit_deg).collect(),
+            marks: false,
         })
         .collect();
+    Ok(draw(&curves, limit_deg, plot, &table.sample, &bands, "BSDF, 1/sr"))
+}
 
+/// The lobes of a measurement: its readings in the planes of incidence. `band` chooses a band; without it, their mean.
+pub fn of_measurement(measurement: &Measurement, plot: LobePlot, band: Option<usize>) -> Result<Picture> {
+    let names: Vec<String> = measurement.bands.iter().map(|b| label(&b.name, 24)).collect();
+    let mut bands = band_title(&names, band)?;
+    let lamps = measurement.lamps();
+    let planes: Vec<(Plane, Vec<(f64, usize)>)> = lamps
+        .iter()
+        .map(|&wi| Plane::of(measurement, wi))
+        .map(|plane| (plane, plane.readings(measurement)))
+        .filter(|(_, readings)| !readings.is_empty())
+        .collect();
+    if planes.is_empty() {
+        return Err(Error::invalid("readings", "none lies in a plane of incidence"));
+    }
+    let shown = spread(planes.len(), MAX_LAMPS);
+    if shown.len() < planes.len() {
+        bands.push_str(&format!(", {} of {} lamps", shown.len(), planes.len()));
+    }
+    let through = planes.iter().flat_map(|(_, r)| r).any(|(angle, _)| angle.abs() > 90.0);
+    let curves: Vec<Curve> = shown
+        .iter()
+        .zip(COLORS.iter().cycle())
+        .map(|(&k, color)| Curve {
+            incident_deg: super::fit_text::round(planes[k].0.lamp_deg()),
+            color,
+            points: averaged(measurement, &planes[k].1, band),
+            marks: true,
+        })
+        .collect();
+    let quantity = match measurement.scale {
+        Scale::Absolute => "BSDF, 1/sr",
+        Scale::RelativePerSeries => "BSDF, unknown unit",
+    };
+    let limit_deg = if through { 180.0 } else { 90.0 };
+    Ok(draw(&curves, limit_deg, plot, &measurement.sample, &bands, quantity))
+}
+
+/// Mean over bands and series of readings at the same angle.
+fn averaged(
+    measurement: &Measurement,
+    readings: &[(f64, usize)],
+    band: Option<usize>,
+) -> Vec<(f64, Estimate)> {
+    let mut points: Vec<(f64, Estimate, f64)> = Vec::new();
+    for &(angle, i) in readings {
+        let r = &measurement.readings[i];
+        if band.is_some_and(|b| b != r.band as usize) {
+            continue;
+        }
+        if points.last().is_none_or(|p| angle - p.0 > 1e-6) {
+            points.push((angle, Estimate::default(), 0.0));
+        }
+        if let Some((_, e, n)) = points.last_mut() {
+            // Bands and series share the instrument's errors: they add up without cancelling.
+            e.value += r.bsdf_per_sr;
+            e.standard_error += r.sigma_per_sr.unwrap_or(0.0);
+            *n += 1.0;
+        }
+    }
+    points.into_iter().map(|(angle, e, n)| (angle, e.scaled(1.0 / n))).collect()
+}
+
+/// One incidence in the plane of incidence.
+struct Curve {
+    incident_deg: f64,
+    color: &'static str,
+    points: Vec<(f64, Estimate)>,
+    /// Are the points few enough to be marked?
+    marks: bool,
+}
+
+/// What the title says of the bands.
+fn band_title(names: &[String], band: Option<usize>) -> Result<String> {
+    match band {
+        Some(b) => names
+            .get(b)
+            .cloned()
+            .ok_or_else(|| Error::invalid("band", format!("the table has {} bands", names.len()))),
+        None => Ok(match names {
+            [only] => only.clone(),
+            _ => format!("mean of {} bands", names.len()),
+        }),
+    }
+}
+
+fn draw(
+    curves: &[Curve],
+    limit_deg: f64,
+    plot: LobePlot,
+    sample: &str,
+    bands: &str,
+    quantity: &str,
+) -> Picture {
     let panels = match plot {
-        LobePlot::Both => vec![polar(&curves), cartesian(&curves, limit_deg)],
-        LobePlot::Polar => vec![polar(&curves)],
-        LobePlot::Cartesian => vec![cartesian(&curves, limit_deg)],
+        LobePlot::Both => vec![polar(curves, quantity), cartesian(curves, limit_deg, quantity)],
+        LobePlot::Polar => vec![polar(curves, quantity)],
+        LobePlot::Cartesian => vec![cartesian(curves, limit_deg, quantity)],
     };
     let columns = panels.len();
     let (plots, layouts) = panels.into_iter().unzip();
-    let bands = match band {
-        Some(b) => format!("{} nm", table.bands_nm[b]),
-        None if table.bands_nm.len() == 1 => format!("{} nm", table.bands_nm[0]),
-        None => format!("mean of {} bands", table.bands_nm.len()),
-    };
-    let name = if table.sample.is_empty() { "sample" } else { &table.sample };
-    Ok(Figure::new(1, columns)
+    let name = if sample.is_empty() { "sample".to_owned() } else { label(sample, 60) };
+    let figure = Figure::new(1, columns)
         .with_plots(plots)
         .with_layouts(layouts)
         .with_cell_size(PANEL_PX.0, PANEL_PX.1)
         .with_title(format!("Plane of incidence: {name}, {bands}"))
         .with_title_size(17)
         .with_shared_legend_position(FigureLegendPosition::Right)
-        .with_shared_legend_entries(legend(&curves))
-        .render())
+        .with_shared_legend_entries(legend(curves));
+    Picture::new(figure.render())
 }
 
 /// BSDF against the signed angle, at a band or averaged over the bands.
@@ -117,29 +199,14 @@ fn points(table: &GonioTable, incidence: &Incidence, band: Option<usize>) -> Vec
 }
 
 fn legend(curves: &[Curve]) -> Vec<LegendEntry> {
-    let entry = |label: String, color: &str, dash: Option<&str>| LegendEntry {
-        label,
-        color: color.to_owned(),
-        shape: LegendShape::Line,
-        dasharray: dash.map(str::to_owned),
-    };
     let mut entries: Vec<_> =
-        curves.iter().map(|c| entry(format!("lamp at {}°", c.incident_deg), c.color, None)).collect();
-    entries.push(entry("to the lamp".into(), GREY, None));
-    entries.push(entry("to the mirror".into(), GREY, Some(MIRROR_DASH)));
+        curves.iter().map(|c| line_entry(format!("lamp at {}°", c.incident_deg), c.color, None)).collect();
+    entries.push(line_entry("to the lamp", GREY, None));
+    entries.push(line_entry("to the mirror", GREY, Some(MIRROR_DASH)));
     entries
 }
 
-impl Curve {
-    /// Reflection, transmission on the mirror's side and on the lamp's: no line may cross the horizon.
-    fn stretches(&self) -> [&[(f64, Estimate)]; 3] {
-        let low = self.points.partition_point(|p| p.0 < -90.0);
-        let high = self.points.partition_point(|p| p.0 <= 90.0);
-        [&self.points[low..high], &self.points[..low], &self.points[high..]]
-    }
-}
-
-fn cartesian(curves: &[Curve], limit_deg: f64) -> (Vec<Plot>, Layout) {
+fn cartesian(curves: &[Curve], limit_deg: f64, quantity: &str) -> (Vec<Plot>, Layout) {
     // At the horizon a few paths stand for a bin and its error is large: it does not set the scale.
     let top = |precise: bool| {
         curves
@@ -152,20 +219,10 @@ fn cartesian(curves: &[Curve], limit_deg: f64) -> (Vec<Plot>, Layout) {
     let top = [top(true), top(false)].into_iter().find(|t| *t > 0.0).unwrap_or(1.0) * 1.08;
     let mut plots = Vec::new();
     for c in curves {
-        for (angle, style) in
-            [(c.incident_deg, LineStyle::Solid), (-c.incident_deg, LineStyle::Custom(MIRROR_DASH.into()))]
-        {
-            plots.push(Plot::Line(
-                LinePlot::new()
-                    .with_data([(angle, 0.0), (angle, top)])
-                    .with_color(c.color)
-                    .with_stroke_width(0.8)
-                    .with_line_style(style),
-            ));
-        }
+        plots.extend(lamp_and_mirror(c.incident_deg, top, c.color));
     }
     for c in curves {
-        for points in c.stretches().into_iter().filter(|points| !points.is_empty()) {
+        for points in stretches(&c.points).into_iter().filter(|points| !points.is_empty()) {
             let clipped = |v: f64| v.clamp(0.0, top);
             plots.push(Plot::Line(
                 LinePlot::new()
@@ -177,8 +234,18 @@ fn cartesian(curves: &[Curve], limit_deg: f64) -> (Vec<Plot>, Layout) {
                     )
                     .with_stroke_width(1.8),
             ));
+            if c.marks {
+                let points = points.iter().map(|(a, e)| (*a, e.value)).filter(|p| p.1 <= top);
+                plots.push(Plot::Scatter(
+                    ScatterPlot::new()
+                        .with_data(points.collect::<Vec<_>>())
+                        .with_color(c.color)
+                        .with_size(2.6),
+                ));
+            }
         }
     }
+    let errors = curves.iter().flat_map(|c| &c.points).any(|(_, e)| e.standard_error > 0.0);
     let layout = Layout::auto_from_plots(&plots)
         .with_x_axis_min(-limit_deg)
         .with_x_axis_max(limit_deg)
@@ -190,7 +257,11 @@ fn cartesian(curves: &[Curve], limit_deg: f64) -> (Vec<Plot>, Layout) {
         } else {
             "signed exitant angle, deg (+ lamp's side)"
         })
-        .with_y_label("BSDF, 1/sr (band: ±1 standard error)");
+        .with_y_label(if errors {
+            format!("{quantity} (band: ±1 standard error)")
+        } else {
+            quantity.to_owned()
+        });
     (plots, layout)
 }
 
@@ -198,7 +269,7 @@ fn cartesian(curves: &[Curve], limit_deg: f64) -> (Vec<Plot>, Layout) {
 const SCALES: [(f64, usize); 10] =
     [(1.0, 4), (1.5, 3), (2.0, 4), (2.5, 5), (3.0, 3), (4.0, 4), (5.0, 5), (6.0, 3), (8.0, 4), (10.0, 5)];
 
-fn polar(curves: &[Curve]) -> (Vec<Plot>, Layout) {
+fn polar(curves: &[Curve], quantity: &str) -> (Vec<Plot>, Layout) {
     let intensity = |(a, e): &(f64, Estimate)| e.value * a.to_radians().cos().abs();
     let largest = curves.iter().flat_map(|c| &c.points).map(intensity).fold(0.0, f64::max);
     // The scale is printed with two digits: show 1 to 10 times a power of ten.
@@ -225,12 +296,18 @@ fn polar(curves: &[Curve]) -> (Vec<Plot>, Layout) {
     }
     for c in curves {
         // Around the sample the two stretches of transmission are one.
-        let [reflection, mirror_side, lamp_side] = c.stretches();
+        let [reflection, mirror_side, lamp_side] = stretches(&c.points);
         let at = |p: &(f64, Estimate)| (p.0, intensity(p) * scale);
         add(reflection.iter().map(at).unzip(), c.color, 1.8, None);
         add(lamp_side.iter().chain(mirror_side).map(at).unzip(), c.color, 1.8, None);
     }
-    let unit = if exponent == 0 { "1/sr".to_owned() } else { format!("10{} /sr", superscript(exponent)) };
+    // `1/sr`, or what stands for it.
+    let unit = quantity.trim_start_matches("BSDF, ");
+    let unit = match (exponent, unit) {
+        (0, unit) => unit.to_owned(),
+        (_, "1/sr") => format!("10{} /sr", superscript(exponent)),
+        (_, unit) => format!("10{}, {unit}", superscript(exponent)),
+    };
     let plots = vec![Plot::Polar(plot)];
     let layout = Layout::auto_from_plots(&plots)
         .with_polar_r_label_angle(105.0)
@@ -242,24 +319,13 @@ fn polar(curves: &[Curve]) -> (Vec<Plot>, Layout) {
     (plots, layout)
 }
 
-/// An integer in superscript digits.
-fn superscript(n: i32) -> String {
-    let raise = |c| match c {
-        '-' => '⁻',
-        '1' => '¹',
-        '2' => '²',
-        '3' => '³',
-        digit => char::from_u32('⁰' as u32 + (digit as u32 - '0' as u32)).unwrap_or(digit),
-    };
-    n.to_string().chars().map(raise).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use std::ops::ControlFlow;
 
     use super::*;
     use crate::bsdf::{DiffuseTransmission, Lambert, Scatter};
+    use crate::fit::toy::{self, Toy};
     use crate::gonio::Goniophotometer;
 
     fn table(sample: &dyn Scatter) -> GonioTable {
@@ -301,5 +367,27 @@ mod tests {
         assert!(svg(&table(&sheet), LobePlot::Cartesian, None).unwrap().contains("transmission"));
         let black = svg(&table(&Lambert::new(0.0.into()).unwrap()), LobePlot::Both, None).unwrap();
         assert!(!black.contains("transmission") && !black.contains("NaN"));
+    }
+
+    #[test]
+    fn any_measurement_has_lobes() {
+        let toy = Toy::new(1.0);
+        let values = [0.3, 0.1, 0.0, 20.0];
+        let m = toy::measurement(&toy, &values, &[0.0, 45.0], &[450.0, 650.0], &["a", "b"]);
+        let svg = of_measurement(&m, LobePlot::Both, None).unwrap().svg();
+        for part in ["lamp at 45°", "rose petal, adaxial, mean of 2 bands", "<circle"] {
+            assert!(svg.contains(part), "{part}");
+        }
+        assert!(of_measurement(&m, LobePlot::Both, Some(2)).is_err());
+        let points = averaged(&m, &Plane::of(&m, m.readings[0].wi).readings(&m), Some(1));
+        assert_eq!(points.len(), 15);
+        // One reading, dark, of unknown scale; then none.
+        let mut one = Measurement { readings: vec![m.readings[3]], scale: Scale::RelativePerSeries, ..m };
+        one.readings[0].wo = one.readings[0].wi;
+        one.readings[0].bsdf_per_sr = 0.0;
+        let svg = of_measurement(&one, LobePlot::Both, None).unwrap().svg();
+        assert!(svg.contains("unknown unit") && !svg.contains("NaN"));
+        one.readings.clear();
+        assert!(of_measurement(&one, LobePlot::Both, None).is_err());
     }
 }

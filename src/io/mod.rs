@@ -24,8 +24,13 @@ pub mod tensor_tree;
 pub mod window_xml;
 mod patch_average;
 pub mod window_xml_write;
+pub mod picture;
 pub mod lobe_plot;
 pub mod fit_text;
+pub mod fit_plot;
+pub mod residual_map;
+pub mod fit_html;
+mod fit_parts;
 pub mod cell_plot;
 
 pub use image::Image;
