@@ -197,12 +197,12 @@ impl Report {
         for fit in &self.fits {
             let mut warn = |what: String| warnings.push((fit.model.clone(), what));
             if !fit.converged {
-                warn("The search did not end at a minimum: values and errors are not to be trusted.".into());
+                warn("the search did not end at a minimum: values and errors are not to be trusted".into());
             }
             for band in self.audit(&fit.model).into_iter().flat_map(|a| &a.bands) {
                 if let Some(worst) = band.totals.get(band.largest).filter(|_| !band.conserves_energy) {
                     warn(format!(
-                        "Sends back more light than arrives: {:.4} of it at {:.0}° ({}).",
+                        "sends back more light than arrives: {:.4} of it at {:.0}° ({})",
                         worst.total(),
                         worst.incident_deg,
                         band.band
@@ -210,13 +210,14 @@ impl Report {
                 }
                 if !band.is_reciprocal {
                     warn(format!(
-                        "Not reciprocal: light and view exchanged differ by up to {:.1} % ({}).",
+                        "not reciprocal: light and view exchanged differ by up to {:.1} % ({})",
                         100.0 * band.largest_asymmetry,
                         band.band
                     ));
                 }
             }
-            fit.messages.iter().for_each(|m| warn(m.clone()));
+            // The first only says why the search ended.
+            fit.messages.iter().skip(1).for_each(|m| warn(m.clone()));
         }
         warnings.extend(self.data.notes.iter().map(|n| (self.data.file.clone(), n.clone())));
         warnings

@@ -104,7 +104,7 @@ pub struct Fit {
     pub weighting: String,
     /// Did the search end at a minimum?
     pub converged: bool,
-    /// Why it ended, and everything that the user should know (what the data cannot determine, ...).
+    /// First why it ended, then everything that the user should know (what the data cannot determine, ...).
     pub messages: Vec<String>,
     /// Evaluations of the model over all starts.
     pub evaluations: usize,

@@ -28,6 +28,6 @@ pub use directional::{Coverage, Directional, directional_hemispherical};
 pub use goniophotometer::Goniophotometer;
 pub use grid::{ExitantGrid, PlaneScan};
 pub use measurement::{Band, Measurement, Reading, Scale};
-pub use readings::sample;
 pub use plane::Plane;
+pub use readings::sample;
 pub use table::{Estimate, GonioTable, Incidence, Ledger, Totals};

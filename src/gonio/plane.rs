@@ -101,8 +101,10 @@ mod tests {
     use crate::gonio::Reading;
     use crate::gonio::measurement::direction_deg;
 
-    fn measurement(directions: &[((f64, f64), (f64, f64))]) -> Measurement {
-        let reading = |&(i, o): &((f64, f64), (f64, f64))| Reading {
+    type Angles = (f64, f64);
+
+    fn measurement(directions: &[(Angles, Angles)]) -> Measurement {
+        let reading = |&(i, o): &(Angles, Angles)| Reading {
             wi: direction_deg(i.0, i.1),
             wo: direction_deg(o.0, o.1),
             series: 0,

@@ -290,7 +290,7 @@ mod tests {
         let good = toy::fit(&toy, &m, &VALUES);
         let mut other = toy::fit(&toy, &m, &[0.5, 0.2, 0.0, 1.0]);
         other.model = "<i>other</i>".into();
-        other.messages = vec!["a & b".into()];
+        other.messages = vec!["ended at a minimum".into(), "a & b".into()];
         let page = report(&m, vec![other.clone(), good.clone()]);
         assert_eq!(page, report(&m, vec![other, good]), "the same report gives the same bytes");
         check(&page);
@@ -299,6 +299,7 @@ mod tests {
             "rosarium fit &quot;&lt;x&gt;&quot; --model all",
             "3 readings &lt; 0 left out",
             "Read this first",
+            "a &amp; b",
             "class=\"best\"",
             "BRF &amp; more",
             "<details>",

@@ -21,7 +21,8 @@ pub(super) fn statistics(out: &mut String, fit: &Fit) {
     let rows = [
         ("Method", escape(&fit.method)),
         ("Weights", escape(&fit.weighting)),
-        ("Searches", searches),
+        ("Search", fit.messages.first().map_or("not described".into(), |m| escape(m))),
+        ("Starts", searches),
         ("Evaluations", fit.evaluations.to_string()),
         ("Readings, varied parameters", format!("{}, {}", fit.n, fit.varied)),
         ("χ², reduced χ²", format!("{}, {}", shown(Some(fit.chi2)), shown(fit.reduced_chi2))),

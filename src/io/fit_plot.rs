@@ -218,7 +218,13 @@ fn panel(
 }
 
 /// A model in the plane of incidence, averaged over the instrument's cones.
-fn curve(plane: &Plane, fitted: &FittedModel, band: usize, limit_deg: f64, half_angles_deg: [f64; 2]) -> Result<Vec<(f64, f64)>> {
+fn curve(
+    plane: &Plane,
+    fitted: &FittedModel,
+    band: usize,
+    limit_deg: f64,
+    half_angles_deg: [f64; 2],
+) -> Result<Vec<(f64, f64)>> {
     let n = (limit_deg / STEP_DEG) as i32;
     // Half a step off, so that no direction lies in the surface.
     let angles: Vec<f64> = (-n..n).map(|k| (f64::from(k) + 0.5) * STEP_DEG).collect();
@@ -301,15 +307,16 @@ pub fn ladder(rows: &[LadderRow]) -> Picture {
         bold,
         color: Some(INK.into()),
     };
-    let columns: [(&str, fn(&LadderRow) -> Option<f64>); 2] =
-        [("RMSE, 1/sr", |r| Some(r.rmse_per_sr)), ("AIC above the lowest", |r| r.delta_aic)];
+    let rmse: Vec<Option<f64>> = rows.iter().map(|r| Some(r.rmse_per_sr)).collect();
+    let delta: Vec<Option<f64>> = rows.iter().map(|r| r.delta_aic).collect();
+    let columns = [("RMSE, 1/sr", rmse), ("AIC above the lowest", delta)];
     for (row, k) in rows.iter().zip(0..) {
         let y = HEAD + ROW * f64::from(k);
         scene.add(text(NAME - 10.0, y + 17.0, label(&row.model, 26), TextAnchor::End, row.best));
     }
-    for ((title, value), x) in columns.into_iter().zip([NAME, NAME + BAR + VALUE + 10.0]) {
+    for ((title, values), x) in columns.into_iter().zip([NAME, NAME + BAR + VALUE + 10.0]) {
         scene.add(text(x, 18.0, title.into(), TextAnchor::Start, false));
-        let values: Vec<Option<f64>> = rows.iter().map(|r| value(r).filter(|v| v.is_finite())).collect();
+        let values: Vec<_> = values.into_iter().map(|v| v.filter(|v| v.is_finite())).collect();
         let largest = values.iter().flatten().copied().fold(0.0, f64::max);
         for ((row, value), k) in rows.iter().zip(values).zip(0..) {
             let y = HEAD + ROW * f64::from(k);

@@ -5,6 +5,9 @@
 //! mirror direction (behind the sheet, straight on). Colour is the standardised residual (model - reading), averaged over bands
 //! and series, blue for too dark, red for too bright, white at zero, full at 3.
 
+use std::collections::BTreeMap;
+
+use glam::DVec3;
 use kuva::render::render::{Primitive, Scene, TextAnchor};
 
 use super::fit_plot::standardised;
@@ -61,38 +64,45 @@ struct Disc {
 }
 
 fn discs(measurement: &Measurement, residuals: &[f64]) -> Vec<Disc> {
-    // Sums per cell of the disc: place, residual, number.
-    type Cell = ([f64; 2], f64, f64);
-    let mut found: Vec<((glam::DVec3, bool), Disc, std::collections::BTreeMap<(i64, i64), Cell>)> =
-        Vec::new();
+    let mut found: Vec<Gathered> = Vec::new();
     for (r, z) in measurement.readings.iter().zip(residuals) {
         let (incident_deg, theta_deg, phi_deg, side) = instrument_deg(r.wi, r.wo);
-        let key = (r.wi, theta_deg > 90.0);
-        let at = found
-            .iter()
-            .rposition(|(k, ..)| k.1 == key.1 && k.0.distance_squared(key.0) < 1e-12)
-            .unwrap_or_else(|| {
-                let disc =
-                    Disc { incident_deg: round(incident_deg), side, transmitted: key.1, points: Vec::new() };
-                found.push((key, disc, std::collections::BTreeMap::new()));
-                found.len() - 1
-            });
+        let transmitted = theta_deg > 90.0;
+        let same = |g: &Gathered| g.disc.transmitted == transmitted && g.wi.distance_squared(r.wi) < 1e-12;
+        // Readings of one lamp follow each other, so the last is tried first.
+        let at = found.iter().rposition(same).unwrap_or_else(|| {
+            let incident_deg = round(incident_deg);
+            let disc = Disc { incident_deg, side, transmitted, points: Vec::new() };
+            found.push(Gathered { wi: r.wi, disc, cells: BTreeMap::new() });
+            found.len() - 1
+        });
         let (radius, phi) = (theta_deg.to_radians().sin(), phi_deg.to_radians());
         let place = [radius * phi.cos(), radius * phi.sin()];
         let [column, row] = place.map(|p| (p * CELLS / 2.0).round() as i64);
-        let cell = found[at].2.entry((row, column)).or_insert(([0.0; 2], 0.0, 0.0));
-        cell.0[0] += place[0];
-        cell.0[1] += place[1];
-        cell.1 += z;
-        cell.2 += 1.0;
+        let cell = found[at].cells.entry((row, column)).or_default();
+        cell.place[0] += place[0];
+        cell.place[1] += place[1];
+        cell.residual += z;
+        cell.n += 1.0;
     }
-    found
-        .into_iter()
-        .map(|(_, mut disc, cells)| {
-            disc.points = cells.into_values().map(|(p, z, n)| (p.map(|p| p / n), z / n)).collect();
-            disc
-        })
-        .collect()
+    let mean = |c: Cell| (c.place.map(|p| p / c.n), c.residual / c.n);
+    let finish = |g: Gathered| Disc { points: g.cells.into_values().map(mean).collect(), ..g.disc };
+    found.into_iter().map(finish).collect()
+}
+
+/// A disc in the making.
+struct Gathered {
+    wi: DVec3,
+    disc: Disc,
+    cells: BTreeMap<(i64, i64), Cell>,
+}
+
+/// Sums over the readings in one cell of a disc.
+#[derive(Default)]
+struct Cell {
+    place: [f64; 2],
+    residual: f64,
+    n: f64,
 }
 
 fn draw(scene: &mut Scene, disc: &Disc, (x, y): (f64, f64)) {
