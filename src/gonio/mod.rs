@@ -23,11 +23,17 @@ pub mod directional;
 pub mod readings;
 mod shares;
 pub mod plane;
+mod triangles;
+pub mod interpolant;
+pub mod one_sided;
 
 pub use directional::{Coverage, Directional, directional_hemispherical};
 pub use goniophotometer::Goniophotometer;
 pub use grid::{ExitantGrid, PlaneScan};
+pub use interpolant::Interpolant;
 pub use measurement::{Band, Measurement, Reading, Scale};
 pub use plane::Plane;
 pub use readings::sample;
+pub use one_sided::OneSided;
+pub use readings::{merge, sample};
 pub use table::{Estimate, GonioTable, Incidence, Ledger, Totals};

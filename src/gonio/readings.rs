@@ -47,6 +47,52 @@ impl GonioTable {
     }
 }
 
+/// Several measurements as one: the two sides of a sample, one file per incidence. Equal bands are one band, series of
+/// one name one series.
+pub fn merge(parts: impl IntoIterator<Item = Measurement>) -> Result<Measurement> {
+    let mut parts = parts.into_iter();
+    let Some(mut all) = parts.next() else {
+        return Err(Error::invalid("measurements", "there are none to merge"));
+    };
+    for part in parts {
+        let differs = |what: &str| {
+            Error::invalid(
+                "measurements",
+                format!("`{}` and `{}` differ in {what}: not one instrument's", all.sample, part.sample),
+            )
+        };
+        if part.scale != all.scale {
+            return Err(differs("their scale (absolute or relative)"));
+        }
+        if part.source_half_angle_deg != all.source_half_angle_deg
+            || part.detector_half_angle_deg != all.detector_half_angle_deg
+        {
+            return Err(differs("the half angles of lamp or detector"));
+        }
+        fn index<T: PartialEq + Clone>(list: &mut Vec<T>, item: &T) -> u32 {
+            let i = list.iter().position(|x| x == item).unwrap_or_else(|| {
+                list.push(item.clone());
+                list.len() - 1
+            });
+            i as u32
+        }
+        let bands: Vec<u32> = part.bands.iter().map(|b| index(&mut all.bands, b)).collect();
+        let series: Vec<u32> = part.series.iter().map(|s| index(&mut all.series, s)).collect();
+        for r in part.readings {
+            let (Some(&band), Some(&series)) = (bands.get(r.band as usize), series.get(r.series as usize))
+            else {
+                return Err(Error::invalid(
+                    "measurements",
+                    "a reading names a band or series that does not exist",
+                ));
+            };
+            all.readings.push(Reading { band, series, ..r });
+        }
+        all.notes.extend(part.notes);
+    }
+    Ok(all)
+}
+
 /// Readings of any function at the bin centres of `grid`: lamps at `incident_deg` from the normal and azimuth 0, on each
 /// side that the function knows.
 pub fn sample(table: &dyn Directional, incident_deg: &[f64], grid: &ExitantGrid) -> Result<Measurement> {
@@ -136,5 +182,23 @@ mod tests {
         assert_eq!(m.lamps().len(), 4);
         assert!(sample(&Sheet::new(0.4, 0.1, 0.3), &[90.0], &grid).is_err());
         assert!(sample(&Sheet::new(0.4, 0.1, 0.3), &[f64::NAN], &grid).is_err());
+    }
+
+    #[test]
+    fn measurements_of_one_instrument_merge() {
+        let grid = ExitantGrid { theta_step_deg: 30.0, phi_step_deg: 60.0 };
+        let m = sample(&Sheet::new(0.4, 0.1, 0.3), &[10.0, 50.0], &grid).unwrap();
+        let (above, below): (Vec<Reading>, Vec<Reading>) = m.readings.iter().partition(|r| r.wi.z > 0.0);
+        let part = |readings| Measurement { readings, ..m.clone() };
+        assert_eq!(merge([part(above.clone()), part(below.clone())]).unwrap(), m);
+        let other = Measurement { bands: vec![Band::named("R"), Band::nm(450.0)], ..part(below.clone()) };
+        let merged = merge([part(above.clone()), other]).unwrap();
+        assert_eq!(merged.bands, [Band::nm(450.0), Band::nm(650.0), Band::named("R")]);
+        assert_eq!(merged.readings[above.len()].band, 2);
+        let cone = Measurement { detector_half_angle_deg: 1.0, ..part(below.clone()) };
+        assert!(merge([part(above.clone()), cone]).unwrap_err().to_string().contains("half angles"));
+        let relative = Measurement { scale: Scale::RelativePerSeries, ..part(below) };
+        assert!(merge([part(above), relative]).is_err());
+        assert!(merge([]).is_err());
     }
 }

@@ -25,6 +25,8 @@ pub mod window_xml;
 mod patch_average;
 pub mod window_xml_write;
 pub mod picture;
+pub mod pgii;
+pub mod zemax;
 pub mod lobe_plot;
 pub mod fit_text;
 pub mod fit_plot;
