@@ -388,7 +388,8 @@ mod tests {
     #[test]
     fn bands_may_lack_directions() {
         let directions: Vec<DVec3> = (0..200).map(|i| random_direction(i, false, 89.0)).collect();
-        let f = |wi: DVec3, wo: DVec3| 1.0 + place(wi, wo).1.x;
+        // Positive everywhere: negative means would be held at zero.
+        let f = |wi: DVec3, wo: DVec3| 3.0 + place(wi, wo).1.x;
         let mut m = measured(&[20.0], &directions, f);
         let red = m
             .readings
