@@ -478,7 +478,7 @@ b-2,Rosa canina,20,0,30,90,0.04,NaN
                 series: u32::from(i > 10),
                 band: i % 2,
                 bsdf_per_sr: 0.1 / (f + 3.0),
-                sigma_per_sr: (i % 4 != 0).then_some(1e-3 / (f + 7.0)),
+                sigma_per_sr: (!i.is_multiple_of(4)).then_some(1e-3 / (f + 7.0)),
             }
         };
         Measurement {
