@@ -33,7 +33,6 @@ pub use grid::{ExitantGrid, PlaneScan};
 pub use interpolant::Interpolant;
 pub use measurement::{Band, Measurement, Reading, Scale};
 pub use plane::Plane;
-pub use readings::sample;
 pub use one_sided::OneSided;
 pub use readings::{merge, sample};
 pub use table::{Estimate, GonioTable, Incidence, Ledger, Totals};
