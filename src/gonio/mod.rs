@@ -32,7 +32,7 @@ pub use goniophotometer::Goniophotometer;
 pub use grid::{ExitantGrid, PlaneScan};
 pub use interpolant::Interpolant;
 pub use measurement::{Band, Measurement, Reading, Scale};
-pub use plane::Plane;
 pub use one_sided::OneSided;
+pub use plane::Plane;
 pub use readings::{merge, sample};
 pub use table::{Estimate, GonioTable, Incidence, Ledger, Totals};
