@@ -26,7 +26,9 @@ pub mod plane;
 mod triangles;
 pub mod interpolant;
 pub mod one_sided;
+pub mod cell_factors;
 
+pub use cell_factors::{CellFactors, FactorSettings};
 pub use directional::{Coverage, Directional, directional_hemispherical};
 pub use goniophotometer::Goniophotometer;
 pub use grid::{ExitantGrid, PlaneScan};
