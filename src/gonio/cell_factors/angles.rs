@@ -38,12 +38,6 @@ pub struct AngleNodes {
     pub azimuths: usize,
 }
 
-impl Default for AngleNodes {
-    fn default() -> Self {
-        Self { thetas: 15, ratios: 10, azimuths: 15 }
-    }
-}
-
 /// Nodes around a pair of directions with their weights, which sum to one.
 pub(super) struct Stencil {
     /// `(index of the pair, weight)`.
@@ -53,11 +47,11 @@ pub(super) struct Stencil {
 }
 
 impl AngleNodes {
-    /// Checks the counts.
-    pub fn validate(&self) -> Result<()> {
+    /// Checks the counts; errors name `at.thetas` and so on.
+    pub fn validate(&self, at: &str) -> Result<()> {
         for (key, n) in [("thetas", self.thetas), ("ratios", self.ratios), ("azimuths", self.azimuths)] {
             if !(4..=64).contains(&n) {
-                return Err(Error::invalid(format!("factors.{key}"), format!("{n} is not within 4 to 64")));
+                return Err(Error::invalid(format!("{at}.{key}"), format!("{n} is not within 4 to 64")));
             }
         }
         Ok(())

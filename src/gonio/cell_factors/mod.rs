@@ -3,33 +3,34 @@
 //! Model: [`CellPetal`](crate::micro::shading::CellPetal) gives the light of the domes as a sum over reflections
 //! between them. Its coefficients kd and ks enter as a polynomial ([`polynomial`]); what multiplies them depends on the
 //! directions and the exponent only. [`CellFactors::compute`] finds these factors once per shape of cells, at the nodes
-//! of [`angles`], by walks that share their rays ([`walk`]); [`CellFactors::factors`] interpolates them. The tables hold
+//! of [`angles`], by walks that share their rays; [`CellFactors::factors`] interpolates them. The tables hold
 //! f_E cos(theta_max), which stays smooth towards grazing.
 //!
 //! ```text
-//! f_E(wo, wi; kd, ks, n) = sum over orders of  kd^(m-j) ks^j G_mj(wo, wi; n)
+//! f_E(wo, wi; kd, ks, n) = sum over orders m of  kd^(m-j) ks^j G_mj(wo, wi; n)
 //! ```
 //!
 //! Averaged over the lattice's azimuth, which a laboratory does not know, and over both senses of the azimuth; so
-//! isotropic and reciprocal, exactly (`reciprocal_to_the_bit`).
+//! isotropic and reciprocal (`reciprocal_to_the_bit`).
 //!
 //! | symbol | field | unit | default |
 //! |---|---|---|---|
-//! | points per viewing angle | `points` | | 65 536 |
-//! | nodes | `nodes` | | 15 x 10 x 15 |
+//! | points per viewing angle | `points` | | 16 384 |
+//! | nodes of order one: larger angle x ratio x azimuth | `first` | | 30 x 16 x 25 |
+//! | nodes of the later orders | `later` | | 10 x 7 x 9 |
 //! | seed | `seed` | | 0 |
 //!
-//! Scale-free: only the ratio of height to pitch, the profile and the disorder matter (`scale_does_not_matter`). One
-//! table is 246 numbers per pair of nodes and their errors, 2.4 MB by default; computing it holds about 20 MB more.
+//! Scale-free: only the ratio of height to pitch, the profile and the disorder matter (`scale_does_not_matter`).
 //!
 //! Limits: noise and interpolation are estimated and kept with the table ([`CellFactors::standard_error`],
 //! [`CellFactors::interpolation_error`]); against direct estimates: `agrees_with_the_petal`; energy:
-//! `albedo_is_the_goniophotometers`; on a flat surface exact: `flat_cells_are_closed_forms`. Low domes
-//! (height below a quarter of the pitch) with n > 50 have lobes narrower than the nodes; their interpolation error says
-//! so (`interpolation_error_warns`). Source: our reading.
+//! `albedo_is_the_goniophotometers`; a flat surface is exact: `flat_cells_are_closed_forms`. Low domes (height below a
+//! quarter of the pitch) with n > 50 have lobes narrower than the nodes, and their interpolation error says so
+//! (`interpolation_error_warns`). Source: our reading.
 
 pub mod angles;
 pub mod polynomial;
+mod table;
 mod walk;
 
 use std::ops::ControlFlow;
@@ -41,19 +42,19 @@ use serde::{Deserialize, Serialize};
 
 pub use angles::AngleNodes;
 pub use polynomial::{Domes, EXPONENTS, Factors};
+pub use table::ERRORS;
 
 use super::goniophotometer::Progress;
 use crate::micro::{CellDescription, CellField};
 use crate::{Error, Result};
-use polynomial::{CONSTANTS, FUNCTIONS, NUMBERS, cubic_form};
-use walk::{FIRST, PER_ORDER, SUMS, Sums, View, Walker};
+use polynomial::{FIRST, LATER};
+use table::Table;
+use walk::{Part, Sums, View, Walker};
 
 /// Independent repetitions that the errors come from.
-const REPLICATES: u32 = 8;
+const REPLICATES: usize = 8;
 /// Viewing angles between the nodes at which the interpolation is checked.
 const CHECKS: usize = 3;
-/// Errors kept per pair: of the Lambertian light and of the lobe at each rung, relative.
-const ERRORS: usize = 1 + EXPONENTS;
 
 /// How a table is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -63,13 +64,20 @@ pub struct FactorSettings {
     pub points: u32,
     /// Seed of the random numbers.
     pub seed: u64,
-    /// Nodes of the angles.
-    pub nodes: AngleNodes,
+    /// Nodes of the light that was reflected once.
+    pub first: AngleNodes,
+    /// Nodes of the light that was reflected more often: smoother and weaker.
+    pub later: AngleNodes,
 }
 
 impl Default for FactorSettings {
     fn default() -> Self {
-        Self { points: 1 << 16, seed: 0, nodes: AngleNodes::default() }
+        Self {
+            points: 1 << 14,
+            seed: 0,
+            first: AngleNodes { thetas: 30, ratios: 16, azimuths: 25 },
+            later: AngleNodes { thetas: 10, ratios: 7, azimuths: 9 },
+        }
     }
 }
 
@@ -79,11 +87,13 @@ impl FactorSettings {
         if !(64..=1 << 24).contains(&self.points) {
             return Err(Error::invalid("factors.points", format!("{} is not within 64 to 2^24", self.points)));
         }
-        self.nodes.validate()
+        self.first.validate("factors.first")?;
+        self.later.validate("factors.later")
     }
 }
 
-/// What the interpolation between the nodes adds, relative, as a root mean square over pairs half way between nodes.
+/// What the interpolation between the nodes adds, as a root mean square over pairs half way between nodes, relative to
+/// that of the values.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct InterpolationError {
@@ -93,7 +103,7 @@ pub struct InterpolationError {
     pub specular: Vec<f64>,
 }
 
-/// The table of one shape of cells.
+/// The tables of one shape of cells.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CellFactors {
     cells: CellDescription,
@@ -101,10 +111,8 @@ pub struct CellFactors {
     /// Ratio of the series that the orders from five on are taken for.
     tail_ratio: f64,
     interpolation: InterpolationError,
-    /// [`NUMBERS`] per pair.
-    numbers: Vec<f32>,
-    /// [`ERRORS`] per pair.
-    errors: Vec<f32>,
+    first: Table<FIRST>,
+    later: Table<LATER>,
 }
 
 impl CellFactors {
@@ -112,51 +120,23 @@ impl CellFactors {
     pub fn compute(cells: &CellDescription, settings: &FactorSettings, progress: Progress) -> Result<Self> {
         settings.validate()?;
         let field = CellField::new(cells)?;
-        let walker = Walker::new(&field);
-        let nodes = &settings.nodes;
-        let mut views: Vec<View> = (0..nodes.thetas)
-            .map(|i| view(nodes, i as f64, 0..nodes.ratios, 0..nodes.azimuths, 0.0))
-            .collect();
-        views.extend((1..=CHECKS).map(|c| {
-            let i = (c * (nodes.thetas - 2) / CHECKS) as f64 + 0.5;
-            view(nodes, i, 0..nodes.ratios - 1, 0..nodes.azimuths - 1, 0.5)
-        }));
-        let per_task = settings.points.div_ceil(REPLICATES);
-        let tasks = views.len() as u64 * u64::from(REPLICATES);
-        let (done, cancelled) = (AtomicU64::new(0), AtomicBool::new(false));
-        let sums: Vec<Option<Sums>> = (0..tasks)
-            .into_par_iter()
-            .map(|task| {
-                if cancelled.load(Ordering::Relaxed) {
-                    return None;
-                }
-                let (v, r) = (task as usize / REPLICATES as usize, task as u32 % REPLICATES);
-                let sums = walker.trace(&views[v], settings.seed, r, per_task);
-                let points = u64::from(per_task) * (done.fetch_add(1, Ordering::Relaxed) + 1);
-                if progress(points, u64::from(per_task) * tasks) == ControlFlow::Break(()) {
-                    cancelled.store(true, Ordering::Relaxed);
-                }
-                Some(sums)
-            })
-            .collect();
-        let sums: Vec<Sums> = sums.into_iter().collect::<Option<_>>().ok_or(Error::Cancelled)?;
+        let views = views(settings);
+        let sums = trace(&Walker::new(&field), &views, settings, progress)?;
         let tail = sums.iter().fold([0.0, 0.0], |a, s| [a[0] + s.tail[0], a[1] + s.tail[1]]);
         let tail_ratio = if tail[1] > 0.0 { (1.0 - tail[0] / tail[1]).clamp(0.0, 0.98) } else { 0.0 };
-        let mut table = Self {
-            cells: cells.clone(),
-            settings: *settings,
-            tail_ratio,
-            interpolation: InterpolationError { diffuse: 0.0, specular: vec![0.0; EXPONENTS] },
-            numbers: Vec::with_capacity(nodes.pairs() * NUMBERS),
-            errors: Vec::with_capacity(nodes.pairs() * ERRORS),
-        };
-        for (view, replicates) in views.iter().zip(sums.chunks_exact(REPLICATES as usize)) {
-            if table.errors.len() < nodes.pairs() * ERRORS {
-                table.push(view, replicates);
-            }
+        let mut replicates = views.iter().zip(sums.chunks_exact(REPLICATES));
+        let (mut first, mut later) = (Table::new(settings.first), Table::new(settings.later));
+        for (view, sums) in replicates.by_ref().take(settings.first.thetas) {
+            first.push(view, sums, |first| Factors::new(first, &[0.0; LATER], Vec::new(), tail_ratio));
         }
-        let checks = sums.chunks_exact(REPLICATES as usize).skip(nodes.thetas);
-        table.interpolation = table.check(views.iter().skip(nodes.thetas).zip(checks));
+        for (view, sums) in replicates.by_ref().take(settings.later.thetas) {
+            later.push(view, sums, |later| Factors::new(&[0.0; FIRST], later, Vec::new(), tail_ratio));
+        }
+        let interpolation = InterpolationError { diffuse: 0.0, specular: Vec::new() };
+        let mut table =
+            Self { cells: cells.clone(), settings: *settings, tail_ratio, interpolation, first, later };
+        let checks: Vec<_> = replicates.collect();
+        table.interpolation = table.check(&checks);
         Ok(table)
     }
 
@@ -182,99 +162,70 @@ impl CellFactors {
 
     /// The factors for a weighted mean over pairs of directions, all above the surface.
     pub fn factors(&self, pairs: &[(DVec3, DVec3, f64)]) -> Factors {
-        let mut numbers = [0.0; NUMBERS];
+        let (mut first, mut later) = ([0.0; FIRST], [0.0; LATER]);
         let mut flat = Vec::new();
         for &(wi, wo, weight) in pairs {
-            let before = numbers[1];
-            let stencil = self.settings.nodes.stencil(wi, wo);
-            for (index, w) in stencil.nodes {
-                let w = w * weight / stencil.cos_max;
-                let node = &self.numbers[index * NUMBERS..][..NUMBERS];
-                numbers.iter_mut().zip(node).for_each(|(n, &v)| *n += w * f64::from(v));
-            }
-            let base = numbers[1] - before;
+            let before = first[1];
+            self.first.add(wi, wo, weight, &mut first);
+            self.later.add(wi, wo, weight, &mut later);
+            let base = first[1] - before;
             if base > 0.0 {
                 flat.push((base, cos_alpha(wi, wo)));
             }
         }
-        Factors::new(&numbers, flat, self.tail_ratio)
+        Factors::new(&first, &later, flat, self.tail_ratio)
     }
 
     /// One standard deviation of [`Factors::eval`] for a pair of directions by the noise of the walks, 1/sr.
     pub fn standard_error(&self, wi: DVec3, wo: DVec3, kd: f64, ks: f64, n: f64) -> f64 {
-        let factors = self.factors(&[(wi, wo, 1.0)]);
-        let (all, diffuse) = (factors.eval(kd, ks, n).f, factors.eval(kd, 0.0, n).f);
         let k = ((2.0 * n.max(1.0).log2()).round() as usize).min(EXPONENTS - 1);
-        let (mut e_d, mut e_s) = (0.0, 0.0);
-        for (index, w) in self.settings.nodes.stencil(wi, wo).nodes {
-            let e = &self.errors[index * ERRORS..][..ERRORS];
-            e_d += w.abs() * f64::from(e[0]);
-            e_s += w.abs() * f64::from(e[1 + k]);
-        }
-        diffuse * e_d + (all - diffuse).abs() * e_s
+        let (mut first, mut later) = ([0.0; FIRST], [0.0; LATER]);
+        self.first.add(wi, wo, 1.0, &mut first);
+        self.later.add(wi, wo, 1.0, &mut later);
+        let parts = [
+            (Factors::new(&first, &[0.0; LATER], Vec::new(), 0.0), self.first.errors(wi, wo)),
+            (Factors::new(&[0.0; FIRST], &later, Vec::new(), self.tail_ratio), self.later.errors(wi, wo)),
+        ];
+        let sum: f64 = parts
+            .iter()
+            .map(|(part, errors)| {
+                let (all, diffuse) = (part.eval(kd, ks, n).f, part.eval(kd, 0.0, n).f);
+                (diffuse.abs() * errors[0] + (all - diffuse).abs() * errors[1 + k]).powi(2)
+            })
+            .sum();
+        sum.sqrt()
     }
 
-    /// Relative standard error by noise, a root mean square over the table: of Lambertian light, and of the lobe's at
-    /// each rung of the exponents.
+    /// Standard error by noise of the light that was reflected once, relative, as a root mean square over the table: of
+    /// Lambertian light, and of the lobe's at each rung of the exponents.
     pub fn noise(&self) -> [f64; ERRORS] {
-        let pairs = self.errors.len() / ERRORS;
-        std::array::from_fn(|k| {
-            let sum: f64 = self.errors.iter().skip(k).step_by(ERRORS).map(|&e| f64::from(e).powi(2)).sum();
-            (sum / pairs.max(1) as f64).sqrt()
-        })
-    }
-
-    /// Adds the pairs of one viewing angle.
-    fn push(&mut self, view: &View, replicates: &[Sums]) {
-        for lamp in 0..view.lamps.len() * view.azimuths.len() {
-            let parts: Vec<[f64; NUMBERS]> = replicates
-                .iter()
-                .map(|r| numbers(&r.means[lamp * SUMS..][..SUMS], view.theta.cos()))
-                .collect();
-            self.numbers.extend(mean(&parts).map(|v| v as f32));
-            let n = parts.len() as f64;
-            let values: Vec<[f64; ERRORS]> = parts.iter().map(|p| self.references(p)).collect();
-            for k in 0..ERRORS {
-                let mean = values.iter().map(|v| v[k]).sum::<f64>() / n;
-                let square = values.iter().map(|v| (v[k] - mean).powi(2)).sum::<f64>() / (n * (n - 1.0));
-                self.errors.push(if mean > 0.0 { (square.sqrt() / mean) as f32 } else { 0.0 });
-            }
-        }
-    }
-
-    /// f_E cos at kd = 0.5, and at ks = 0.5 for each rung, without the flat part, which has no noise of its own.
-    fn references(&self, numbers: &[f64; NUMBERS]) -> [f64; ERRORS] {
-        let factors = Factors::new(numbers, Vec::new(), self.tail_ratio);
-        let mut out = [0.0; ERRORS];
-        out[0] = factors.eval(0.5, 0.0, 1.0).f;
-        for k in 0..EXPONENTS {
-            out[1 + k] = factors.eval(0.0, 0.5, polynomial::exponent(k)).f;
-        }
-        out
+        self.first.noise(|first| Factors::new(first, &[0.0; LATER], Vec::new(), 0.0))
     }
 
     /// Compares the table with walks between its nodes that used the same random numbers.
-    fn check<'a>(&self, views: impl Iterator<Item = (&'a View, &'a [Sums])>) -> InterpolationError {
+    fn check(&self, views: &[(&View, &[Sums])]) -> InterpolationError {
         let (mut squares, mut values) = ([0.0; ERRORS], [0.0; ERRORS]);
-        for (view, replicates) in views {
-            for (a, azimuth) in view.azimuths.iter().enumerate() {
-                for (l, lamp) in view.lamps.iter().enumerate() {
-                    let at = (a * view.lamps.len() + l) * SUMS;
-                    let parts: Vec<_> =
-                        replicates.iter().map(|r| numbers(&r.means[at..][..SUMS], view.theta.cos())).collect();
-                    let direct = self.references(&mean(&parts));
-                    let wo = DVec3::new(view.theta.sin(), 0.0, view.theta.cos());
-                    let wi =
-                        DVec3::new(lamp.sin() * azimuth.cos(), lamp.sin() * azimuth.sin(), lamp.cos());
-                    let mut interpolated = [0.0; NUMBERS];
-                    for (index, w) in self.settings.nodes.stencil(wi, wo).nodes {
-                        let node = &self.numbers[index * NUMBERS..][..NUMBERS];
-                        interpolated.iter_mut().zip(node).for_each(|(n, &v)| *n += w * f64::from(v));
-                    }
-                    for (k, (d, i)) in direct.iter().zip(self.references(&interpolated)).enumerate() {
-                        squares[k] += (d - i).powi(2);
-                        values[k] += d * d;
-                    }
+        for pair in views.chunks_exact(2) {
+            let [(view, first), (_, later)] = pair else { continue };
+            for lamp in 0..view.lamps.len() * view.azimuths.len() {
+                let (l, a) = (view.lamps[lamp % view.lamps.len()], view.azimuths[lamp / view.lamps.len()]);
+                let cos = view.theta.cos();
+                let mean_first = table::mean::<FIRST>(first, lamp, cos);
+                let mean_later = table::mean::<LATER>(later, lamp, cos);
+                let wo = DVec3::new(view.theta.sin(), 0.0, cos);
+                let wi = DVec3::new(l.sin() * a.cos(), l.sin() * a.sin(), l.cos());
+                let (mut first, mut later) = ([0.0; FIRST], [0.0; LATER]);
+                self.first.add(wi, wo, cos, &mut first);
+                self.later.add(wi, wo, cos, &mut later);
+                let [direct, table] = [(mean_first, mean_later), (first, later)]
+                    .map(|(f, l)| table::references(&Factors::new(&f, &l, Vec::new(), self.tail_ratio)));
+                #[cfg(test)]
+                if std::env::var("DIAG").is_ok() {
+                    println!("DIAG {:.1} {:.1} {:.1} {:.5} {:.5} {:.5} {:.5} {:.5} {:.5}", view.theta.to_degrees(), l.to_degrees(), a.to_degrees(), direct[0], table[0], direct[9], table[9], direct[15], table[15]);
+                }
+                for k in 0..ERRORS {
+                    squares[k] += (direct[k] - table[k]).powi(2);
+                    values[k] += direct[k] * direct[k];
                 }
             }
         }
@@ -283,59 +234,60 @@ impl CellFactors {
     }
 }
 
-/// The viewing angle at `i` and lamps at the nodes' places plus `shift`.
-fn view(
-    nodes: &AngleNodes,
-    i: f64,
-    ratios: std::ops::Range<usize>,
-    azimuths: std::ops::Range<usize>,
-    shift: f64,
-) -> View {
-    let theta = nodes.theta(i);
-    View {
-        theta,
-        lamps: ratios.map(|j| theta * nodes.ratio(j as f64 + shift)).collect(),
-        azimuths: azimuths.map(|k| nodes.azimuth(k as f64 + shift)).collect(),
+/// Every view that is walked from: the tables' nodes, then, twice each, those that check the interpolation.
+fn views(settings: &FactorSettings) -> Vec<View> {
+    let FactorSettings { first, later, .. } = settings;
+    let all = |nodes: &AngleNodes, part| {
+        let nodes = *nodes;
+        (0..nodes.thetas).map(move |i| View {
+            theta: nodes.theta(i as f64),
+            lamps: (0..nodes.ratios).map(|j| nodes.theta(i as f64) * nodes.ratio(j as f64)).collect(),
+            azimuths: (0..nodes.azimuths).map(|k| nodes.azimuth(k as f64)).collect(),
+            part,
+        })
+    };
+    let mut views: Vec<View> = all(first, Part::First).chain(all(later, Part::Later)).collect();
+    for c in 1..=CHECKS {
+        let theta = first.theta((c * (first.thetas - 2) / CHECKS) as f64 + 0.5);
+        for part in [Part::First, Part::Later] {
+            views.push(View {
+                theta,
+                lamps: (0..first.ratios - 1).step_by(2).map(|j| theta * first.ratio(j as f64 + 0.5)).collect(),
+                azimuths: (0..first.azimuths - 1).step_by(2).map(|k| first.azimuth(k as f64 + 0.5)).collect(),
+                part,
+            });
+        }
     }
+    views
 }
 
-fn mean(parts: &[[f64; NUMBERS]]) -> [f64; NUMBERS] {
-    std::array::from_fn(|k| parts.iter().map(|p| p[k]).sum::<f64>() / parts.len().max(1) as f64)
+/// [`REPLICATES`] sums per view, in the order of the views.
+fn trace(walker: &Walker, views: &[View], settings: &FactorSettings, progress: Progress) -> Result<Vec<Sums>> {
+    let points = settings.points.div_ceil(REPLICATES as u32);
+    let tasks = views.len() * REPLICATES;
+    let (done, cancelled) = (AtomicU64::new(0), AtomicBool::new(false));
+    let sums: Vec<Option<Sums>> = (0..tasks)
+        .into_par_iter()
+        .map(|task| {
+            if cancelled.load(Ordering::Relaxed) {
+                return None;
+            }
+            let (view, replicate) = (task / REPLICATES, (task % REPLICATES) as u32);
+            let sums = walker.trace(&views[view], settings.seed, replicate, points);
+            let finished = u64::from(points) * (done.fetch_add(1, Ordering::Relaxed) + 1);
+            if progress(finished, u64::from(points) * tasks as u64) == ControlFlow::Break(()) {
+                cancelled.store(true, Ordering::Relaxed);
+            }
+            Some(sums)
+        })
+        .collect();
+    sums.into_iter().collect::<Option<_>>().ok_or(Error::Cancelled)
 }
 
 /// Cosine between the mirror direction of one and the other at a flat surface.
 fn cos_alpha(wi: DVec3, wo: DVec3) -> f64 {
     let chord = DVec3::new(-wi.x, -wi.y, wi.z) - wo;
     (1.0 - 0.5 * chord.length_squared()).max(0.0)
-}
-
-/// A walk's sums at one pair, times the cosine of the view, as coefficients.
-fn numbers(sums: &[f32], cos: f64) -> [f64; NUMBERS] {
-    let value = |at: usize| f64::from(sums[at]) * cos;
-    let order = |m: usize, share: usize, k: usize| {
-        let first = FIRST + (m - 2) * PER_ORDER;
-        if share == 0 { value(first) } else { value(first + 1 + (share - 1) * EXPONENTS + k) }
-    };
-    let mut out = [0.0; NUMBERS];
-    (out[0], out[1], out[2]) = (value(0), value(1), order(2, 0, 0));
-    for m in 3..6 {
-        out[m] = order(m, 0, 0);
-    }
-    for k in 0..EXPONENTS {
-        let mut set = |function: usize, v: f64| out[CONSTANTS + function * EXPONENTS + k] = v;
-        set(0, value(2 + k));
-        let [dd, half, ss] = [order(2, 0, k), order(2, 2, k), order(2, 3, k)];
-        set(1, 4.0 * half - dd - ss);
-        set(2, ss);
-        for m in 3..6 {
-            let form = cubic_form(std::array::from_fn(|share| order(m, share, k)));
-            for j in 1..4 {
-                set(3 * m - 7 + j, form[j]);
-            }
-        }
-    }
-    debug_assert_eq!(3 + 9, FUNCTIONS);
-    out
 }
 
 #[cfg(test)]

@@ -25,12 +25,14 @@ use std::f64::consts::TAU;
 
 /// Rungs of the ladder of exponents.
 pub const EXPONENTS: usize = 20;
-/// Coefficients that do not depend on the exponent: D, b, DD, C30, C40, C50.
-pub(super) const CONSTANTS: usize = 6;
+/// Numbers of order one: D, b, then S at each rung.
+pub(super) const FIRST: usize = 2 + EXPONENTS;
+/// Coefficients of the later orders that do not depend on the exponent: DD, C30, C40, C50.
+const CONSTANTS: usize = 4;
 /// Coefficients that do: S, DS, SS, C31, C32, C33, C41, ..., C53.
-pub(super) const FUNCTIONS: usize = 12;
-/// Numbers per pair of directions.
-pub(super) const NUMBERS: usize = CONSTANTS + FUNCTIONS * EXPONENTS;
+const FUNCTIONS: usize = 12;
+/// Numbers of the later orders: the constants, then DS and so on, each at every rung.
+pub(super) const LATER: usize = CONSTANTS + (FUNCTIONS - 1) * EXPONENTS;
 
 /// Exponent of rung k.
 pub fn exponent(k: usize) -> f64 {
@@ -58,6 +60,7 @@ pub struct Domes {
 /// The coefficients for one reading: a point pair of directions or the mean over a cone's.
 #[derive(Clone, Debug)]
 pub struct Factors {
+    lambert: f64,
     constants: [f64; CONSTANTS],
     /// Value and slope per rung, at each rung.
     rungs: Box<[[[f64; 2]; FUNCTIONS]; EXPONENTS]>,
@@ -67,19 +70,19 @@ pub struct Factors {
 }
 
 impl Factors {
-    /// From the numbers of the table, in its order, and the flat part's pairs.
-    pub(super) fn new(numbers: &[f64; NUMBERS], flat: Vec<(f64, f64)>, tail_ratio: f64) -> Self {
+    /// From the numbers of the tables, in their order, and the flat part's pairs.
+    pub(super) fn new(first: &[f64; FIRST], later: &[f64; LATER], flat: Vec<(f64, f64)>, tail_ratio: f64) -> Self {
         let mut constants = [0.0; CONSTANTS];
-        constants.copy_from_slice(&numbers[..CONSTANTS]);
+        constants.copy_from_slice(&later[..CONSTANTS]);
         let mut rungs = Box::new([[[0.0; 2]; FUNCTIONS]; EXPONENTS]);
-        for f in 0..FUNCTIONS {
-            let y = &numbers[CONSTANTS + f * EXPONENTS..][..EXPONENTS];
+        let functions = std::iter::once(&first[2..]).chain(later[CONSTANTS..].chunks_exact(EXPONENTS));
+        for (f, y) in functions.enumerate() {
             let slopes = spline_slopes(y);
             for k in 0..EXPONENTS {
                 rungs[k][f] = [y[k], slopes[k]];
             }
         }
-        Self { constants, rungs, flat, tail_ratio }
+        Self { lambert: first[0], constants, rungs, flat, tail_ratio }
     }
 
     /// The same with another ratio of the orders' series.
@@ -125,14 +128,14 @@ impl Factors {
             (1.0 + (a - 1.0) * r / (1.0 - r), r / (1.0 - r))
         };
         let mut out = Domes {
-            f: kd * c[0] + ks * v[0] + kd * kd * c[2] + kd * ks * v[1] + ks * ks * v[2],
-            d_kd: c[0] + 2.0 * kd * c[2] + ks * v[1],
+            f: kd * self.lambert + ks * v[0] + kd * kd * c[0] + kd * ks * v[1] + ks * ks * v[2],
+            d_kd: self.lambert + 2.0 * kd * c[0] + ks * v[1],
             d_ks: v[0] + kd * v[1] + 2.0 * ks * v[2],
             d_n: ks * (dv[0] + kd * dv[1] + ks * dv[2]),
         };
         let (factors, slopes) = ([1.0, a, a * a * g], [0.0, 1.0, a * (2.0 * g + a * dg)]);
         for (m, (factor, slope)) in factors.into_iter().zip(slopes).enumerate() {
-            let c0 = c[3 + m];
+            let c0 = c[1 + m];
             let (c1, c2, c3) = (v[3 + 3 * m], v[4 + 3 * m], v[5 + 3 * m]);
             let form = kd * kd * (kd * c0 + ks * c1) + ks * ks * (kd * c2 + ks * c3);
             out.f += factor * form;
@@ -179,22 +182,24 @@ pub(super) fn cubic_form([p0, p1, p2, p3]: [f64; 4]) -> [f64; 4] {
 mod tests {
     use super::*;
 
-    /// Numbers of a made-up surface, smooth in the exponent.
-    fn numbers(seed: f64) -> [f64; NUMBERS] {
-        std::array::from_fn(|i| {
-            if i < CONSTANTS {
-                return 0.2 + 0.1 * (seed + i as f64).sin();
-            }
-            let (f, k) = ((i - CONSTANTS) / EXPONENTS, (i - CONSTANTS) % EXPONENTS);
-            0.3 + 0.2 * (0.3 * k as f64 + seed + f as f64).sin()
-        })
+    /// Factors of a made-up surface, smooth in the exponent.
+    fn made_up(seed: f64, flat: Vec<(f64, f64)>) -> Factors {
+        let wave = |at: usize, from: usize| {
+            let (f, k) = ((at - from) / EXPONENTS, (at - from) % EXPONENTS);
+            0.3 + 0.2 * (0.3 * k as f64 + seed + f as f64 + from as f64).sin()
+        };
+        let first = std::array::from_fn(|i| if i < 2 { 0.2 } else { wave(i, 2) });
+        let later = std::array::from_fn(|i| {
+            if i < CONSTANTS { 0.2 + 0.1 * (seed + i as f64).sin() } else { wave(i, CONSTANTS) }
+        });
+        Factors::new(&first, &later, flat, 0.6)
     }
 
     #[test]
     fn derivatives_are_differences() {
         for i in 0..60 {
             let u = |q: f64| (f64::from(i) * q + 0.17).fract();
-            let factors = Factors::new(&numbers(u(0.3)), vec![(0.3, 0.9), (0.1, -0.2)], 0.6);
+            let factors = made_up(u(0.3), vec![(0.3, 0.9), (0.1, -0.2)]);
             // Beyond a = 1 too, where a search may stray.
             let (kd, ks, n) = (u(0.618) * 1.2, u(0.755), 1.5 + 600.0 * u(0.569).powi(3));
             let at = factors.eval(kd, ks, n);
@@ -213,12 +218,9 @@ mod tests {
         // A lobe at one angle, the worst case: domes spread the normals and smooth the dependence.
         for alpha in [0.02f64, 0.1, 0.3, 0.8, 1.3] {
             let lobe = |n: f64| (n + 2.0) * alpha.cos().powf(n);
-            let mut y = [0.0; NUMBERS];
-            for k in 0..EXPONENTS {
-                y[CONSTANTS + k] = lobe(exponent(k));
-            }
-            let factors = Factors::new(&y, Vec::new(), 0.5);
-            let peak = y[CONSTANTS..CONSTANTS + EXPONENTS].iter().fold(0.0, |a: f64, &b| a.max(b));
+            let y = std::array::from_fn(|i| if i < 2 { 0.0 } else { lobe(exponent(i - 2)) });
+            let factors = Factors::new(&y, &[0.0; LATER], Vec::new(), 0.5);
+            let peak = y.iter().fold(0.0, |a: f64, &b| a.max(b));
             for i in 0..200 {
                 let n = (0.01 + 0.04 * f64::from(i)).exp2();
                 let error = factors.eval(0.0, 1.0, n).f - lobe(n);
@@ -241,16 +243,14 @@ mod tests {
     #[test]
     fn order_series_closes() {
         // Orders that fall by 0.55, 0.6, 0.62, then 0.64 and on: less regular than domes are.
-        let (mut numbers, mut order) = ([0.0; NUMBERS], [1.0; 60]);
+        let (mut first, mut later, mut order) = ([0.0; FIRST], [0.0; LATER], [1.0; 60]);
         for m in 1..60 {
             order[m] = order[m - 1] * [0.55, 0.6, 0.62].get(m - 1).copied().unwrap_or(0.64);
         }
-        numbers[0] = order[0];
-        numbers[2] = order[1];
-        numbers[3] = order[2];
-        numbers[4] = order[3];
-        numbers[5] = order[4..].iter().sum();
-        let factors = Factors::new(&numbers, Vec::new(), 0.62);
+        first[0] = order[0];
+        later[..3].copy_from_slice(&order[1..4]);
+        later[3] = order[4..].iter().sum();
+        let factors = Factors::new(&first, &later, Vec::new(), 0.62);
         for a in [0.1, 0.5, 0.8, 0.95, 1.0f64] {
             let exact: f64 = (0..60).map(|m| order[m] * a.powi(m as i32 + 1)).sum();
             let f = factors.eval(a, 0.0, 10.0).f;

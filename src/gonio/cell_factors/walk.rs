@@ -22,7 +22,7 @@ use std::f32::consts::{FRAC_1_PI, TAU};
 
 use glam::{DVec2, DVec3, UVec2, Vec3};
 
-use super::polynomial::{EXPONENTS, exponent};
+use super::polynomial::{EXPONENTS, FIRST, exponent};
 use crate::math::sampler::{hash, hash_to_unit};
 use crate::math::warp::{square_to_cosine_hemisphere, square_to_power_cosine};
 use crate::math::{Frame, Sampler};
@@ -34,10 +34,8 @@ const SHARES: [f32; 3] = [0.25, 0.5, 1.0];
 const ORDERS: usize = 4;
 /// Sums of an order from two on: the share zero, then each share at each rung.
 pub(super) const PER_ORDER: usize = 1 + SHARES.len() * EXPONENTS;
-/// Sums of order one: Lambert, the flat part, and the lobe at each rung.
-pub(super) const FIRST: usize = 2 + EXPONENTS;
-/// Sums per lamp.
-pub(super) const SUMS: usize = FIRST + ORDERS * PER_ORDER;
+/// Sums per lamp of the later orders; of order one they are the table's numbers.
+pub(super) const LATER_SUMS: usize = ORDERS * PER_ORDER;
 /// A walk ends here; what it carries then is far below the noise.
 const MAX_ORDERS: usize = 400;
 /// From this order on a walk goes on with the probability below.
@@ -48,6 +46,25 @@ const PROPOSALS: [usize; 3] = [2, 8, 14];
 
 type Rungs = [f32; EXPONENTS];
 
+/// Which part of the light a walk is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Part {
+    /// Reflected once.
+    First,
+    /// Reflected twice or more.
+    Later,
+}
+
+impl Part {
+    /// Sums per lamp.
+    fn width(self) -> usize {
+        match self {
+            Part::First => FIRST,
+            Part::Later => LATER_SUMS,
+        }
+    }
+}
+
 /// A viewing angle and the lamps around it.
 #[derive(Clone, Debug)]
 pub(super) struct View {
@@ -57,14 +74,24 @@ pub(super) struct View {
     pub(super) lamps: Vec<f64>,
     /// Azimuths of the lamps from the view's, radians.
     pub(super) azimuths: Vec<f64>,
+    /// The light that is wanted.
+    pub(super) part: Part,
 }
 
 /// Sums over the points of one replicate.
 pub(super) struct Sums {
-    /// Means per lamp (azimuth by azimuth), [`SUMS`] each.
-    pub(super) means: Vec<f32>,
+    /// Per lamp (azimuth by azimuth), [`Part::width`] each.
+    means: Vec<f32>,
     /// Lambertian light of order five, and of order five and more, over all lamps: the series' ratio.
     pub(super) tail: [f64; 2],
+    width: usize,
+}
+
+impl Sums {
+    /// The sums of one lamp.
+    pub(super) fn at(&self, lamp: usize) -> &[f32] {
+        &self.means[lamp * self.width..][..self.width]
+    }
 }
 
 /// Everything that the walks of one surface share.
@@ -108,7 +135,7 @@ impl<'a> Walker<'a> {
     /// Walks from `points` points.
     pub(super) fn trace(&self, view: &View, seed: u64, replicate: u32, points: u32) -> Sums {
         let lamps = view.lamps.len() * view.azimuths.len();
-        let mut sums = Sums { means: vec![0.0; lamps * SUMS], tail: [0.0; 2] };
+        let mut sums = Sums { means: vec![0.0; lamps * view.part.width()], tail: [0.0; 2], width: view.part.width() };
         let angles: Vec<(f64, f64)> = view.lamps.iter().map(|t| t.sin_cos()).collect();
         let azimuths: Vec<(f64, f64)> = view.azimuths.iter().map(|t| t.sin_cos()).collect();
         let key = hash(hash(seed as u32 ^ 0x51ed_270b) ^ hash((seed >> 32) as u32 ^ replicate));
@@ -134,7 +161,7 @@ impl<'a> Walker<'a> {
             let wo = DVec3::new(st * cos, st * sin, ct);
             let start = origin.extend(self.field.max_height_um() + 1.0);
             let sampler = Sampler::new(seed, UVec2::new(replicate, 0x00ce_1150), i);
-            self.walk(start, -wo, sampler, &angles, &columns, &mut lit, &mut sums);
+            self.walk(start, -wo, sampler, view.part, &angles, &columns, &mut lit, &mut sums);
         }
         let scale = 1.0 / points as f32;
         sums.means.iter_mut().for_each(|v| *v *= scale);
@@ -147,6 +174,7 @@ impl<'a> Walker<'a> {
         start: DVec3,
         mut direction: DVec3,
         mut sampler: Sampler,
+        part: Part,
         angles: &[(f64, f64)],
         columns: &[Column],
         lit: &mut [bool],
@@ -163,31 +191,11 @@ impl<'a> Walker<'a> {
                 return;
             }
             let mirror = (direction + normal * (2.0 * cos_view)).as_vec3();
-            let weighted = Weighted::new(plain, &weights);
-            let mut count = angles.len();
-            for (c, column) in columns.iter().enumerate() {
-                count = self.lit(&at, column, angles, count, lit);
-                for (l, &(sin, cos)) in angles.iter().enumerate() {
-                    if !lit[l] {
-                        continue;
-                    }
-                    let wi = DVec3::new(sin * column.cos, sin * column.sin, cos);
-                    let share = (normal.dot(wi) / cos) as f32;
-                    let lobe = self.lobes(mirror.dot(wi.as_vec3()), share);
-                    let sums_at = (c * angles.len() + l) * SUMS;
-                    let to = &mut sums.means[sums_at..sums_at + SUMS];
-                    if order == 1 {
-                        first_order(&mut to[..FIRST], share * FRAC_1_PI, &lobe, at.kind == HitKind::Base);
-                    } else {
-                        let m = (order - 2).min(ORDERS - 1);
-                        weighted.add(&mut to[FIRST + m * PER_ORDER..][..PER_ORDER], share * FRAC_1_PI, &lobe);
-                    }
-                    if order >= 5 {
-                        let light = f64::from(plain * share);
-                        sums.tail[0] += if order == 5 { light } else { 0.0 };
-                        sums.tail[1] += light;
-                    }
-                }
+            if (order == 1) == (part == Part::First) {
+                self.light(&at, mirror, order, (plain, &weights), angles, columns, lit, sums);
+            }
+            if part == Part::First {
+                return;
             }
             sampler.start_dimension(3 * order as u32);
             let Some(next) = self.reflect(normal, mirror, &mut plain, &mut weights, &mut sampler) else { return };
@@ -203,6 +211,47 @@ impl<'a> Walker<'a> {
         }
     }
 
+    /// Adds the light of the lamps that see a point of the surface.
+    #[allow(clippy::too_many_arguments)] // as above
+    fn light(
+        &self,
+        at: &CellHit,
+        mirror: Vec3,
+        order: usize,
+        (plain, weights): (f32, &[Rungs; SHARES.len()]),
+        angles: &[(f64, f64)],
+        columns: &[Column],
+        lit: &mut [bool],
+        sums: &mut Sums,
+    ) {
+        let weighted = Weighted::new(plain, weights);
+        let width = if order == 1 { Part::First } else { Part::Later }.width();
+        let mut count = angles.len();
+        let mut lambert = 0.0;
+        for (column, sums) in columns.iter().zip(sums.means.chunks_exact_mut(angles.len() * width)) {
+            count = self.lit(at, column, angles, count, lit);
+            for ((&(sin, cos), &lit), to) in angles.iter().zip(&*lit).zip(sums.chunks_exact_mut(width)) {
+                if !lit {
+                    continue;
+                }
+                let wi = DVec3::new(sin * column.cos, sin * column.sin, cos);
+                let share = (at.normal.dot(wi) / cos) as f32;
+                let lobe = self.lobes(mirror.dot(wi.as_vec3()), share);
+                if order == 1 {
+                    first_order(to, share * FRAC_1_PI, &lobe, at.kind == HitKind::Base);
+                } else {
+                    let m = (order - 2).min(ORDERS - 1);
+                    weighted.add(&mut to[m * PER_ORDER..][..PER_ORDER], share * FRAC_1_PI, &lobe);
+                }
+                lambert += f64::from(plain * share);
+            }
+        }
+        if order >= 5 {
+            sums.tail[0] += if order == 5 { lambert } else { 0.0 };
+            sums.tail[1] += lambert;
+        }
+    }
+
     /// Which lamps of a column are seen from the surface, and how many; `guess` of them, perhaps.
     fn lit(&self, at: &CellHit, column: &Column, angles: &[(f64, f64)], guess: usize, lit: &mut [bool]) -> usize {
         let sees = |l: usize| {
@@ -214,20 +263,36 @@ impl<'a> Walker<'a> {
             lit.iter_mut().enumerate().for_each(|(l, v)| *v = sees(l));
             return angles.len();
         }
-        let mut count = guess;
-        if count > 0 && !sees(count - 1) {
-            // Halving from here: the horizon may be anywhere above.
-            let (mut low, mut high) = (0, count - 1);
-            while low < high {
-                let middle = (low + high) / 2;
-                if sees(middle) { low = middle + 1 } else { high = middle }
+        // A column is much like its neighbour: look there, then farther and farther, then halve.
+        let (mut low, mut high, mut step) = (0, angles.len(), 1);
+        if guess > 0 && !sees(guess - 1) {
+            high = guess - 1;
+            while high > 0 {
+                let next = high.saturating_sub(step);
+                if sees(next) {
+                    low = next + 1;
+                    break;
+                }
+                high = next;
+                step *= 2;
             }
-            count = low;
         } else {
-            while count < angles.len() && sees(count) {
-                count += 1;
+            low = guess;
+            while low < high {
+                let next = (low + step - 1).min(high - 1);
+                if !sees(next) {
+                    high = next;
+                    break;
+                }
+                low = next + 1;
+                step *= 2;
             }
         }
+        while low < high {
+            let middle = (low + high) / 2;
+            if sees(middle) { low = middle + 1 } else { high = middle }
+        }
+        let count = low;
         lit.iter_mut().enumerate().for_each(|(l, v)| *v = l < count);
         count
     }

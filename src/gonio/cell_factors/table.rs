@@ -1,0 +1,130 @@
+//! Numbers at the nodes, with their noise.
+//!
+//! A table holds W numbers per pair of directions and, relative, the standard errors of two kinds of light made of them:
+//! Lambertian, and the lobe's at each rung of the exponents. The errors come from the scatter of the replicates.
+
+use glam::DVec3;
+
+use super::angles::AngleNodes;
+use super::polynomial::{EXPONENTS, FIRST, Factors, LATER, cubic_form, exponent};
+use super::walk::{PER_ORDER, Sums, View};
+
+/// Errors per pair: of Lambertian light, and of the lobe's at each rung.
+pub const ERRORS: usize = 1 + EXPONENTS;
+
+/// Numbers of one part of the light.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Table<const W: usize> {
+    pub(super) nodes: AngleNodes,
+    /// W per pair.
+    pub(super) numbers: Vec<f32>,
+    /// [`ERRORS`] per pair.
+    pub(super) errors: Vec<f32>,
+}
+
+impl<const W: usize> Table<W> {
+    pub(super) fn new(nodes: AngleNodes) -> Self {
+        let pairs = nodes.pairs();
+        Self { nodes, numbers: Vec::with_capacity(pairs * W), errors: Vec::with_capacity(pairs * ERRORS) }
+    }
+
+    /// Adds the pairs of one viewing angle.
+    pub(super) fn push(&mut self, view: &View, replicates: &[Sums], factors: impl Fn(&[f64; W]) -> Factors) {
+        let n = replicates.len() as f64;
+        for lamp in 0..view.lamps.len() * view.azimuths.len() {
+            let mean = mean::<W>(replicates, lamp, view.theta.cos());
+            self.numbers.extend(mean.iter().map(|&v| v as f32));
+            let values: Vec<[f64; ERRORS]> = replicates
+                .iter()
+                .map(|r| references(&factors(&part(r, lamp, view.theta.cos()))))
+                .collect();
+            for k in 0..ERRORS {
+                let mean = values.iter().map(|v| v[k]).sum::<f64>() / n;
+                let square = values.iter().map(|v| (v[k] - mean).powi(2)).sum::<f64>() / (n * (n - 1.0));
+                self.errors.push(if mean > 0.0 { (square.sqrt() / mean) as f32 } else { 0.0 });
+            }
+        }
+    }
+
+    /// Adds the numbers of a pair of directions times `weight`.
+    pub(super) fn add(&self, wi: DVec3, wo: DVec3, weight: f64, to: &mut [f64; W]) {
+        let stencil = self.nodes.stencil(wi, wo);
+        for (index, w) in stencil.nodes {
+            let w = w * weight / stencil.cos_max;
+            let node = &self.numbers[index * W..][..W];
+            to.iter_mut().zip(node).for_each(|(n, &v)| *n += w * f64::from(v));
+        }
+    }
+
+    /// Relative errors at a pair of directions.
+    pub(super) fn errors(&self, wi: DVec3, wo: DVec3) -> [f64; ERRORS] {
+        let mut out = [0.0; ERRORS];
+        for (index, w) in self.nodes.stencil(wi, wo).nodes {
+            let node = &self.errors[index * ERRORS..][..ERRORS];
+            out.iter_mut().zip(node).for_each(|(n, &v)| *n += w.abs() * f64::from(v));
+        }
+        out
+    }
+
+    /// Root mean square of the errors, relative to that of the values.
+    pub(super) fn noise(&self, factors: impl Fn(&[f64; W]) -> Factors) -> [f64; ERRORS] {
+        let (mut squares, mut values) = ([0.0; ERRORS], [0.0; ERRORS]);
+        for (errors, numbers) in self.errors.chunks_exact(ERRORS).zip(self.numbers.chunks_exact(W)) {
+            let numbers = std::array::from_fn(|k| f64::from(numbers[k]));
+            for (k, value) in references(&factors(&numbers)).into_iter().enumerate() {
+                squares[k] += (f64::from(errors[k]) * value).powi(2);
+                values[k] += value * value;
+            }
+        }
+        std::array::from_fn(|k| if values[k] > 0.0 { f64::sqrt(squares[k] / values[k]) } else { 0.0 })
+    }
+}
+
+/// f_E at kd = 0.5, and at ks = 0.5 for each rung.
+pub(super) fn references(factors: &Factors) -> [f64; ERRORS] {
+    std::array::from_fn(|k| match k {
+        0 => factors.eval(0.5, 0.0, 1.0).f,
+        k => factors.eval(0.0, 0.5, exponent(k - 1)).f,
+    })
+}
+
+/// Mean of the replicates at one lamp.
+pub(super) fn mean<const W: usize>(replicates: &[Sums], lamp: usize, cos: f64) -> [f64; W] {
+    let mut mean = [0.0; W];
+    for r in replicates {
+        let part: [f64; W] = part(r, lamp, cos);
+        mean.iter_mut().zip(part).for_each(|(m, p)| *m += p / replicates.len() as f64);
+    }
+    mean
+}
+
+/// A walk's sums at one lamp, times the cosine of the view, as the table's numbers.
+fn part<const W: usize>(sums: &Sums, lamp: usize, cos: f64) -> [f64; W] {
+    let mut out = [0.0; W];
+    let sums = sums.at(lamp);
+    if W == FIRST {
+        out.iter_mut().zip(sums).for_each(|(o, &s)| *o = f64::from(s) * cos);
+        return out;
+    }
+    debug_assert_eq!(W, LATER);
+    let order = |m: usize, share: usize, k: usize| {
+        let at = m * PER_ORDER + if share == 0 { 0 } else { 1 + (share - 1) * EXPONENTS + k };
+        f64::from(sums[at]) * cos
+    };
+    for (m, o) in out[..4].iter_mut().enumerate() {
+        *o = order(m, 0, 0);
+    }
+    for k in 0..EXPONENTS {
+        let mut set = |f: usize, v: f64| out[4 + f * EXPONENTS + k] = v;
+        let [dd, half, ss] = [0, 2, 3].map(|share| order(0, share, k));
+        set(0, 4.0 * half - dd - ss);
+        set(1, ss);
+        for m in 1..4 {
+            let form = cubic_form(std::array::from_fn(|share| order(m, share, k)));
+            for j in 1..4 {
+                set(3 * m - 2 + j, form[j]);
+            }
+        }
+    }
+    out
+}
