@@ -27,8 +27,10 @@ mod triangles;
 pub mod interpolant;
 pub mod one_sided;
 pub mod cell_factors;
+pub mod cell_family;
 
 pub use cell_factors::{CellFactors, FactorSettings};
+pub use cell_family::CellFamily;
 pub use directional::{Coverage, Directional, directional_hemispherical};
 pub use goniophotometer::Goniophotometer;
 pub use grid::{ExitantGrid, PlaneScan};

@@ -7,7 +7,7 @@ use crate::math::sampler::hash;
 
 /// Calls `read` with truncated copies of `valid`, with copies whose bytes are changed (most near the start, where
 /// headers are), and with runs of equal or random bytes. `read` must return; what it returns does not matter.
-pub(super) fn damage<T>(valid: &[u8], rounds: u32, read: impl Fn(&[u8]) -> T) {
+pub(crate) fn damage<T>(valid: &[u8], rounds: u32, read: impl Fn(&[u8]) -> T) {
     let length = valid.len();
     for i in 0..rounds {
         let draw = |k: u32| hash(i.wrapping_mul(31).wrapping_add(k)) as usize;

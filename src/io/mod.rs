@@ -41,7 +41,7 @@ use crate::geometry::Mesh;
 use crate::{Error, Result};
 
 #[cfg(test)]
-mod damage;
+pub(crate) mod damage;
 
 /// Error for bytes that are not a valid file of `format`.
 fn invalid(format: &str, what: impl std::fmt::Display) -> Error {

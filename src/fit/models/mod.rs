@@ -13,6 +13,8 @@
 //! | `transmission` | [`transmission`] | t, td, m_d, ti, m_i |
 //! | `lambert+transmission` | [`lambert`], [`transmission`] | kd, t, td, m_d, ti, m_i |
 //!
+//! [`Terado`], the cells' model, needs a table of its cells; it is the only one that is not in closed form.
+//!
 //! All are reciprocal (`models_are_reciprocal`), finite and not negative at the horizon and at their bounds
 //! (`models_are_finite_at_the_horizon_and_at_bounds`), the same from below as from above
 //! (`both_sides_of_the_sheet_are_alike`), and their derivatives are exact (`derivatives_are_exact`). A term is zero
@@ -29,8 +31,10 @@ pub mod ggx;
 pub mod beckmann;
 pub mod retro;
 pub mod transmission;
+pub mod terado;
 
 pub use sum::Sum;
+pub use terado::Terado;
 pub use term::{Closed, MAX_PARAMETERS, Term};
 
 use super::Model;

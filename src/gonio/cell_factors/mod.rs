@@ -30,6 +30,7 @@
 
 pub mod angles;
 pub mod polynomial;
+mod file;
 mod table;
 mod walk;
 
@@ -85,7 +86,10 @@ impl FactorSettings {
     /// Checks the ranges.
     pub fn validate(&self) -> Result<()> {
         if !(64..=1 << 24).contains(&self.points) {
-            return Err(Error::invalid("factors.points", format!("{} is not within 64 to 2^24", self.points)));
+            return Err(Error::invalid(
+                "factors.points",
+                format!("{} is not within 64 to 2^24", self.points),
+            ));
         }
         self.first.validate("factors.first")?;
         self.later.validate("factors.later")
@@ -219,10 +223,6 @@ impl CellFactors {
                 self.later.add(wi, wo, cos, &mut later);
                 let [direct, table] = [(mean_first, mean_later), (first, later)]
                     .map(|(f, l)| table::references(&Factors::new(&f, &l, Vec::new(), self.tail_ratio)));
-                #[cfg(test)]
-                if std::env::var("DIAG").is_ok() {
-                    println!("DIAG {:.1} {:.1} {:.1} {:.5} {:.5} {:.5} {:.5} {:.5} {:.5}", view.theta.to_degrees(), l.to_degrees(), a.to_degrees(), direct[0], table[0], direct[9], table[9], direct[15], table[15]);
-                }
                 for k in 0..ERRORS {
                     squares[k] += (direct[k] - table[k]).powi(2);
                     values[k] += direct[k] * direct[k];
@@ -252,7 +252,10 @@ fn views(settings: &FactorSettings) -> Vec<View> {
         for part in [Part::First, Part::Later] {
             views.push(View {
                 theta,
-                lamps: (0..first.ratios - 1).step_by(2).map(|j| theta * first.ratio(j as f64 + 0.5)).collect(),
+                lamps: (0..first.ratios - 1)
+                    .step_by(2)
+                    .map(|j| theta * first.ratio(j as f64 + 0.5))
+                    .collect(),
                 azimuths: (0..first.azimuths - 1).step_by(2).map(|k| first.azimuth(k as f64 + 0.5)).collect(),
                 part,
             });
@@ -262,7 +265,12 @@ fn views(settings: &FactorSettings) -> Vec<View> {
 }
 
 /// [`REPLICATES`] sums per view, in the order of the views.
-fn trace(walker: &Walker, views: &[View], settings: &FactorSettings, progress: Progress) -> Result<Vec<Sums>> {
+fn trace(
+    walker: &Walker,
+    views: &[View],
+    settings: &FactorSettings,
+    progress: Progress,
+) -> Result<Vec<Sums>> {
     let points = settings.points.div_ceil(REPLICATES as u32);
     let tasks = views.len() * REPLICATES;
     let (done, cancelled) = (AtomicU64::new(0), AtomicBool::new(false));
@@ -291,26 +299,4 @@ fn cos_alpha(wi: DVec3, wo: DVec3) -> f64 {
 }
 
 #[cfg(test)]
-mod scratch {
-    use super::*;
-
-    #[test]
-    fn measure_scratch() {
-        let points: u32 = std::env::var("PTS").map(|v| v.parse().unwrap()).unwrap_or(4096);
-        let start = std::time::Instant::now();
-        let t = CellFactors::compute(
-            &CellDescription { ..Default::default() },
-            &FactorSettings { points, ..Default::default() },
-            &|_, _| ControlFlow::Continue(()),
-        )
-        .unwrap();
-        println!("{:?} r {}", start.elapsed(), t.tail_ratio);
-        println!("noise {:.4?}", t.noise());
-        println!("interpolation {:.4} {:.4?}", t.interpolation.diffuse, t.interpolation.specular);
-        let w = |t: f64, p: f64| crate::gonio::measurement::direction_deg(t, p);
-        for (a, b, p) in [(30.0, 30.0, 0.0), (60.0, 60.0, 0.0), (60.0, 60.0, 180.0), (60.0, 20.0, 90.0), (80.0, 75.0, 10.0)] {
-            let f = t.factors(&[(w(a, 0.0), w(b, p), 1.0)]);
-            println!("{a} {b} {p}: D {:.4?} S16 {:.4?} S181 {:.4?}", f.eval(0.5, 0.0, 1.0).f, f.eval(0.0, 0.5, 16.0).f, f.eval(0.0, 0.5, 181.0).f);
-        }
-    }
-}
+mod tests;

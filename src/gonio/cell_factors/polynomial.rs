@@ -71,7 +71,12 @@ pub struct Factors {
 
 impl Factors {
     /// From the numbers of the tables, in their order, and the flat part's pairs.
-    pub(super) fn new(first: &[f64; FIRST], later: &[f64; LATER], flat: Vec<(f64, f64)>, tail_ratio: f64) -> Self {
+    pub(super) fn new(
+        first: &[f64; FIRST],
+        later: &[f64; LATER],
+        flat: Vec<(f64, f64)>,
+        tail_ratio: f64,
+    ) -> Self {
         let mut constants = [0.0; CONSTANTS];
         constants.copy_from_slice(&later[..CONSTANTS]);
         let mut rungs = Box::new([[[0.0; 2]; FUNCTIONS]; EXPONENTS]);
@@ -139,8 +144,7 @@ impl Factors {
             let (c1, c2, c3) = (v[3 + 3 * m], v[4 + 3 * m], v[5 + 3 * m]);
             let form = kd * kd * (kd * c0 + ks * c1) + ks * ks * (kd * c2 + ks * c3);
             out.f += factor * form;
-            out.d_kd +=
-                factor * (3.0 * kd * kd * c0 + 2.0 * kd * ks * c1 + ks * ks * c2) + slope * form;
+            out.d_kd += factor * (3.0 * kd * kd * c0 + 2.0 * kd * ks * c1 + ks * ks * c2) + slope * form;
             out.d_ks += factor * (kd * kd * c1 + 2.0 * kd * ks * c2 + 3.0 * ks * ks * c3) + slope * form;
             let (d1, d2, d3) = (dv[3 + 3 * m], dv[4 + 3 * m], dv[5 + 3 * m]);
             out.d_n += factor * ks * (kd * (kd * d1 + ks * d2) + ks * ks * d3);

@@ -34,10 +34,8 @@ impl<const W: usize> Table<W> {
         for lamp in 0..view.lamps.len() * view.azimuths.len() {
             let mean = mean::<W>(replicates, lamp, view.theta.cos());
             self.numbers.extend(mean.iter().map(|&v| v as f32));
-            let values: Vec<[f64; ERRORS]> = replicates
-                .iter()
-                .map(|r| references(&factors(&part(r, lamp, view.theta.cos()))))
-                .collect();
+            let values: Vec<[f64; ERRORS]> =
+                replicates.iter().map(|r| references(&factors(&part(r, lamp, view.theta.cos())))).collect();
             for k in 0..ERRORS {
                 let mean = values.iter().map(|v| v[k]).sum::<f64>() / n;
                 let square = values.iter().map(|v| (v[k] - mean).powi(2)).sum::<f64>() / (n * (n - 1.0));

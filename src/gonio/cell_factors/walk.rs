@@ -9,8 +9,8 @@
 //! ```
 //!
 //! for s = 0, 1/4, 1/2, 1 and all rungs of the ladder of exponents: the walk, the normals and the shadow rays cost the
-//! time, the weights W are many and cheap. q is half a cosine and half three lobes (n = 2, 16, 128), so that no weight
-//! is large. Points and the lattice's azimuth follow a Kronecker sequence, which suits periodic functions; a regular
+//! time, the weights W are many and cheap. q mixes a cosine with three lobes (n = 2, 16, 128), so that no weight is
+//! large. Points and the lattice's azimuth follow a Kronecker sequence, which suits periodic functions; a regular
 //! lattice needs one cell and 60 degrees only. Lamps of one azimuth stand in the order of their height, and domes are a
 //! height field, so the lit ones are the highest: a search along the column finds the lowest (not for tilted axes,
 //! which overhang: there each lamp has its own ray).
@@ -39,8 +39,11 @@ pub(super) const LATER_SUMS: usize = ORDERS * PER_ORDER;
 /// A walk ends here; what it carries then is far below the noise.
 const MAX_ORDERS: usize = 400;
 /// From this order on a walk goes on with the probability below.
-const ROULETTE_ORDER: usize = 5;
-const SURVIVAL: f32 = 0.75;
+const ROULETTE_ORDER: usize = 8;
+const SURVIVAL: f32 = 0.9;
+/// Probability of a cosine for the first two reflections, where lobes matter, and for all others: there a smaller one
+/// would let the weights of Lambertian walks spread faster than walks end.
+const COSINE: [f32; 3] = [0.5, 0.5, 0.85];
 /// Rungs of the lobes that directions are drawn from.
 const PROPOSALS: [usize; 3] = [2, 8, 14];
 
@@ -135,7 +138,8 @@ impl<'a> Walker<'a> {
     /// Walks from `points` points.
     pub(super) fn trace(&self, view: &View, seed: u64, replicate: u32, points: u32) -> Sums {
         let lamps = view.lamps.len() * view.azimuths.len();
-        let mut sums = Sums { means: vec![0.0; lamps * view.part.width()], tail: [0.0; 2], width: view.part.width() };
+        let mut sums =
+            Sums { means: vec![0.0; lamps * view.part.width()], tail: [0.0; 2], width: view.part.width() };
         let angles: Vec<(f64, f64)> = view.lamps.iter().map(|t| t.sin_cos()).collect();
         let azimuths: Vec<(f64, f64)> = view.azimuths.iter().map(|t| t.sin_cos()).collect();
         let key = hash(hash(seed as u32 ^ 0x51ed_270b) ^ hash((seed >> 32) as u32 ^ replicate));
@@ -159,7 +163,7 @@ impl<'a> Walker<'a> {
             let (st, ct) = view.theta.sin_cos();
             let origin = self.basis[0] * u + self.basis[1] * v;
             let wo = DVec3::new(st * cos, st * sin, ct);
-            let start = origin.extend(self.field.max_height_um() + 1.0);
+            let start = origin.extend(self.field.max_height_um());
             let sampler = Sampler::new(seed, UVec2::new(replicate, 0x00ce_1150), i);
             self.walk(start, -wo, sampler, view.part, &angles, &columns, &mut lit, &mut sums);
         }
@@ -198,7 +202,11 @@ impl<'a> Walker<'a> {
                 return;
             }
             sampler.start_dimension(3 * order as u32);
-            let Some(next) = self.reflect(normal, mirror, &mut plain, &mut weights, &mut sampler) else { return };
+            let cosine = COSINE[(order - 1).min(COSINE.len() - 1)];
+            let Some(next) = self.reflect(normal, mirror, &mut plain, &mut weights, &mut sampler, cosine)
+            else {
+                return;
+            };
             if order >= ROULETTE_ORDER {
                 if sampler.next_1d() >= SURVIVAL {
                     return;
@@ -253,7 +261,14 @@ impl<'a> Walker<'a> {
     }
 
     /// Which lamps of a column are seen from the surface, and how many; `guess` of them, perhaps.
-    fn lit(&self, at: &CellHit, column: &Column, angles: &[(f64, f64)], guess: usize, lit: &mut [bool]) -> usize {
+    fn lit(
+        &self,
+        at: &CellHit,
+        column: &Column,
+        angles: &[(f64, f64)],
+        guess: usize,
+        lit: &mut [bool],
+    ) -> usize {
         let sees = |l: usize| {
             let (sin, cos) = angles[l];
             let wi = DVec3::new(sin * column.cos, sin * column.sin, cos);
@@ -314,14 +329,16 @@ impl<'a> Walker<'a> {
         plain: &mut f32,
         weights: &mut [Rungs; SHARES.len()],
         sampler: &mut Sampler,
+        cosine: f32,
     ) -> Option<DVec3> {
         let choice = sampler.next_1d();
         let u = sampler.next_2d();
         let n = normal.as_vec3();
-        let w = if choice < 0.5 {
+        let w = if choice < cosine {
             Frame::from_normal(n).to_world(square_to_cosine_hemisphere(u))
         } else {
-            let which = (((choice - 0.5) * 6.0) as usize).min(PROPOSALS.len() - 1);
+            let which = ((choice - cosine) / (1.0 - cosine) * PROPOSALS.len() as f32) as usize;
+            let which = which.min(PROPOSALS.len() - 1);
             let exponent = exponent(PROPOSALS[which]) as f32;
             Frame::from_normal(mirror).to_world(square_to_power_cosine(u, exponent))
         };
@@ -331,7 +348,7 @@ impl<'a> Walker<'a> {
         }
         let powers = powers(mirror.dot(w));
         let lobes: f32 = PROPOSALS.iter().map(|&k| (exponent(k) as f32 + 1.0) / TAU * powers[k]).sum();
-        let pdf = 0.5 * cos * FRAC_1_PI + 0.5 / PROPOSALS.len() as f32 * lobes;
+        let pdf = cosine * cos * FRAC_1_PI + (1.0 - cosine) / PROPOSALS.len() as f32 * lobes;
         let diffuse = cos * FRAC_1_PI / pdf;
         *plain *= diffuse;
         for (s, rungs) in SHARES.iter().zip(weights) {
@@ -353,9 +370,8 @@ struct Weighted {
 
 impl Weighted {
     fn new(plain: f32, weights: &[Rungs; SHARES.len()]) -> Self {
-        let times = |factor: fn(f32) -> f32| {
-            std::array::from_fn(|j| weights[j].map(|w| w * factor(SHARES[j])))
-        };
+        let times =
+            |factor: fn(f32) -> f32| std::array::from_fn(|j| weights[j].map(|w| w * factor(SHARES[j])));
         Self { plain, diffuse: times(|s| 1.0 - s), lobe: times(|s| s) }
     }
 
