@@ -42,7 +42,7 @@ pub struct AngleNodes {
 pub(super) struct Stencil {
     /// `(index of the pair, weight)`.
     pub(super) nodes: [(usize, f64); 64],
-    /// Cosine of the larger angle.
+    /// Cosine of the larger angle, interpolated like everything else: a quotient by it is exact for a constant.
     pub(super) cos_max: f64,
 }
 
@@ -103,7 +103,8 @@ impl AngleNodes {
             let (i, j, k) = (n / 16, n / 4 % 4, n % 4);
             (self.index(i0 + i, j0 + j, k0 + k), wi[i] * wj[j] * wk[k])
         });
-        Stencil { nodes, cos_max: max.cos() }
+        let cos_max = (0..4).map(|i| wi[i] * self.theta((i0 + i) as f64).cos()).sum();
+        Stencil { nodes, cos_max }
     }
 
     fn index(&self, theta: usize, ratio: usize, azimuth: usize) -> usize {

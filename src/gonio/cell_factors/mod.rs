@@ -3,8 +3,8 @@
 //! Model: [`CellPetal`](crate::micro::shading::CellPetal) gives the light of the domes as a sum over reflections
 //! between them. Its coefficients kd and ks enter as a polynomial ([`polynomial`]); what multiplies them depends on the
 //! directions and the exponent only. [`CellFactors::compute`] finds these factors once per shape of cells, at the nodes
-//! of [`angles`], by walks that share their rays; [`CellFactors::factors`] interpolates them. The tables hold
-//! f_E cos(theta_max), which stays smooth towards grazing.
+//! of [`angles`], by walks that share their rays; [`CellFactors::factors`] interpolates them. The
+//! first order and the later ones have tables of their own.
 //!
 //! ```text
 //! f_E(wo, wi; kd, ks, n) = sum over orders m of  kd^(m-j) ks^j G_mj(wo, wi; n)
@@ -126,8 +126,7 @@ impl CellFactors {
         let field = CellField::new(cells)?;
         let views = views(settings);
         let sums = trace(&Walker::new(&field), &views, settings, progress)?;
-        let tail = sums.iter().fold([0.0, 0.0], |a, s| [a[0] + s.tail[0], a[1] + s.tail[1]]);
-        let tail_ratio = if tail[1] > 0.0 { (1.0 - tail[0] / tail[1]).clamp(0.0, 0.98) } else { 0.0 };
+        let tail_ratio = (1.0 - 1.0 / table::tail(&sums)).clamp(0.0, 0.98);
         let mut replicates = views.iter().zip(sums.chunks_exact(REPLICATES));
         let (mut first, mut later) = (Table::new(settings.first), Table::new(settings.later));
         for (view, sums) in replicates.by_ref().take(settings.first.thetas) {

@@ -11,8 +11,8 @@
 //! ```
 //!
 //! Orders one to three are complete. Order four is a cubic form times a: right for ks / a = 0, 1/4, 1/2 and 1 and smooth
-//! between. All higher orders together are C5, exact at a = 1, with the part of each order in a geometric series of
-//! ratio r. For a > 1, where light would be made, g goes on as its tangent, so that a search that strays there meets
+//! between. Order five and all higher ones together are C5, exact for ks = 0 and a = 1, and in between shared out as a
+//! geometric series of ratio r; with lobes, the orders beyond five are to order five as they are without. For a > 1, where light would be made, g goes on as its tangent, so that a search that strays there meets
 //! finite values.
 //!
 //! The exponent lies on a ladder n = 2^(k/2), k = 0 to 19 (1 to 724); between, a cubic spline in log n.

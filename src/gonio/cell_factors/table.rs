@@ -2,6 +2,9 @@
 //!
 //! A table holds W numbers per pair of directions and, relative, the standard errors of two kinds of light made of them:
 //! Lambertian, and the lobe's at each rung of the exponents. The errors come from the scatter of the replicates.
+//!
+//! The light of order one grows towards grazing retro-reflection as 1 / cos(theta_max), so its table holds f_E cos;
+//! later orders stay finite and are held as they are.
 
 use glam::DVec3;
 
@@ -30,12 +33,13 @@ impl<const W: usize> Table<W> {
 
     /// Adds the pairs of one viewing angle.
     pub(super) fn push(&mut self, view: &View, replicates: &[Sums], factors: impl Fn(&[f64; W]) -> Factors) {
-        let n = replicates.len() as f64;
+        let (n, tail) = (replicates.len() as f64, tail(replicates));
         for lamp in 0..view.lamps.len() * view.azimuths.len() {
-            let mean = mean::<W>(replicates, lamp, view.theta.cos());
+            let scale = if W == FIRST { view.theta.cos() } else { 1.0 };
+            let mean = mean::<W>(replicates, lamp, scale);
             self.numbers.extend(mean.iter().map(|&v| v as f32));
             let values: Vec<[f64; ERRORS]> =
-                replicates.iter().map(|r| references(&factors(&part(r, lamp, view.theta.cos())))).collect();
+                replicates.iter().map(|r| references(&factors(&part(r, lamp, scale, tail)))).collect();
             for k in 0..ERRORS {
                 let mean = values.iter().map(|v| v[k]).sum::<f64>() / n;
                 let square = values.iter().map(|v| (v[k] - mean).powi(2)).sum::<f64>() / (n * (n - 1.0));
@@ -48,7 +52,7 @@ impl<const W: usize> Table<W> {
     pub(super) fn add(&self, wi: DVec3, wo: DVec3, weight: f64, to: &mut [f64; W]) {
         let stencil = self.nodes.stencil(wi, wo);
         for (index, w) in stencil.nodes {
-            let w = w * weight / stencil.cos_max;
+            let w = if W == FIRST { w * weight / stencil.cos_max } else { w * weight };
             let node = &self.numbers[index * W..][..W];
             to.iter_mut().zip(node).for_each(|(n, &v)| *n += w * f64::from(v));
         }
@@ -86,32 +90,41 @@ pub(super) fn references(factors: &Factors) -> [f64; ERRORS] {
     })
 }
 
-/// Mean of the replicates at one lamp.
-pub(super) fn mean<const W: usize>(replicates: &[Sums], lamp: usize, cos: f64) -> [f64; W] {
+/// Light of order five and more, over that of order five alone, between Lambertian domes.
+pub(super) fn tail(replicates: &[Sums]) -> f64 {
+    let [five, all] = replicates.iter().fold([0.0, 0.0], |a, s| [a[0] + s.tail[0], a[1] + s.tail[1]]);
+    if five > 0.0 { all / five } else { 1.0 }
+}
+
+/// Mean of the replicates at one lamp of a view.
+pub(super) fn mean<const W: usize>(replicates: &[Sums], lamp: usize, scale: f64) -> [f64; W] {
     let mut mean = [0.0; W];
+    let tail = tail(replicates);
     for r in replicates {
-        let part: [f64; W] = part(r, lamp, cos);
+        let part: [f64; W] = part(r, lamp, scale, tail);
         mean.iter_mut().zip(part).for_each(|(m, p)| *m += p / replicates.len() as f64);
     }
     mean
 }
 
-/// A walk's sums at one lamp, times the cosine of the view, as the table's numbers.
-fn part<const W: usize>(sums: &Sums, lamp: usize, cos: f64) -> [f64; W] {
+/// A walk's sums at one lamp, times `scale`, as the table's numbers. With lobes, orders beyond five are to order five as
+/// without.
+fn part<const W: usize>(sums: &Sums, lamp: usize, scale: f64, tail: f64) -> [f64; W] {
     let mut out = [0.0; W];
     let sums = sums.at(lamp);
     if W == FIRST {
-        out.iter_mut().zip(sums).for_each(|(o, &s)| *o = f64::from(s) * cos);
+        out.iter_mut().zip(sums).for_each(|(o, &s)| *o = f64::from(s) * scale);
         return out;
     }
     debug_assert_eq!(W, LATER);
-    let order = |m: usize, share: usize, k: usize| {
-        let at = m * PER_ORDER + if share == 0 { 0 } else { 1 + (share - 1) * EXPONENTS + k };
-        f64::from(sums[at]) * cos
-    };
     for (m, o) in out[..4].iter_mut().enumerate() {
-        *o = order(m, 0, 0);
+        *o = f64::from(sums[m * PER_ORDER]) * scale;
     }
+    // Of the mixed walks: the share zero, then the others.
+    let order = |m: usize, share: usize, k: usize| {
+        let at = m * PER_ORDER + 1 + if share == 0 { 0 } else { 1 + (share - 1) * EXPONENTS + k };
+        f64::from(sums[at]) * scale * if m == 3 { tail } else { 1.0 }
+    };
     for k in 0..EXPONENTS {
         let mut set = |f: usize, v: f64| out[4 + f * EXPONENTS + k] = v;
         let [dd, half, ss] = [0, 2, 3].map(|share| order(0, share, k));

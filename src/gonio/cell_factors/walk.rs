@@ -9,11 +9,14 @@
 //! ```
 //!
 //! for s = 0, 1/4, 1/2, 1 and all rungs of the ladder of exponents: the walk, the normals and the shadow rays cost the
-//! time, the weights W are many and cheap. q mixes a cosine with three lobes (n = 2, 16, 128), so that no weight is
-//! large. Points and the lattice's azimuth follow a Kronecker sequence, which suits periodic functions; a regular
-//! lattice needs one cell and 60 degrees only. Lamps of one azimuth stand in the order of their height, and domes are a
-//! height field, so the lit ones are the highest: a search along the column finds the lowest (not for tilted axes,
-//! which overhang: there each lamp has its own ray).
+//! time, the weights W are many and cheap. Two walks leave each point:
+//! - a Lambertian one, whose directions follow the cosine, so that W stays one however deep in a valley it ends;
+//! - a mixed one over five orders for s > 0, whose q is half a cosine and half three lobes (n = 2, 16, 128).
+//!
+//! Points and the lattice's azimuth follow a Kronecker sequence, which suits periodic functions; a regular lattice needs
+//! one cell and 60 degrees only. Lamps of one azimuth stand in the order of their height, and domes are a height field,
+//! so the lit ones are the highest: a search along the column finds the lowest (not for tilted axes, which overhang:
+//! there each lamp has its own ray).
 //!
 //! Each replicate shifts the sequence at random; the same numbers serve every pair of directions and, in a family of
 //! shapes, every shape.
@@ -30,20 +33,15 @@ use crate::micro::{CellField, CellHit, HitKind};
 
 /// Shares of the lobe, besides zero, for which a walk carries weights.
 const SHARES: [f32; 3] = [0.25, 0.5, 1.0];
-/// Orders whose light is kept apart; one more holds all that follow.
-const ORDERS: usize = 4;
-/// Sums of an order from two on: the share zero, then each share at each rung.
-pub(super) const PER_ORDER: usize = 1 + SHARES.len() * EXPONENTS;
+/// Sums of an order from two on: Lambertian walks, then mixed ones: the share zero, then each share at each rung. The
+/// Lambertian sum of order five holds all that follow, too.
+pub(super) const PER_ORDER: usize = 2 + SHARES.len() * EXPONENTS;
+/// The last order of mixed walks.
+const LAST: usize = 5;
 /// Sums per lamp of the later orders; of order one they are the table's numbers.
-pub(super) const LATER_SUMS: usize = ORDERS * PER_ORDER;
-/// A walk ends here; what it carries then is far below the noise.
-const MAX_ORDERS: usize = 400;
-/// From this order on a walk goes on with the probability below.
-const ROULETTE_ORDER: usize = 8;
-const SURVIVAL: f32 = 0.9;
-/// Probability of a cosine for the first two reflections, where lobes matter, and for all others: there a smaller one
-/// would let the weights of Lambertian walks spread faster than walks end.
-const COSINE: [f32; 3] = [0.5, 0.5, 0.85];
+const LATER_SUMS: usize = (LAST - 1) * PER_ORDER;
+/// A Lambertian walk ends here, if nowhere else.
+const MAX_ORDERS: usize = 1000;
 /// Rungs of the lobes that directions are drawn from.
 const PROPOSALS: [usize; 3] = [2, 8, 14];
 
@@ -85,7 +83,7 @@ pub(super) struct View {
 pub(super) struct Sums {
     /// Per lamp (azimuth by azimuth), [`Part::width`] each.
     means: Vec<f32>,
-    /// Lambertian light of order five, and of order five and more, over all lamps: the series' ratio.
+    /// Light between Lambertian domes of order five, and of order five and more, over all lamps.
     pub(super) tail: [f64; 2],
     width: usize,
 }
@@ -110,10 +108,19 @@ pub(super) struct Walker<'a> {
     norms: Rungs,
 }
 
-/// A lamp's column: its horizontal direction.
+/// Lamps of one azimuth: their horizontal direction.
 struct Column {
     cos: f64,
     sin: f64,
+}
+
+/// The lamps as they stand about one point.
+struct Lamps {
+    /// Sine and cosine of the angles from the normal, the same in each column.
+    angles: Vec<(f64, f64)>,
+    columns: Vec<Column>,
+    /// Which of a column's are seen.
+    lit: Vec<bool>,
 }
 
 impl<'a> Walker<'a> {
@@ -137,14 +144,17 @@ impl<'a> Walker<'a> {
 
     /// Walks from `points` points.
     pub(super) fn trace(&self, view: &View, seed: u64, replicate: u32, points: u32) -> Sums {
-        let lamps = view.lamps.len() * view.azimuths.len();
-        let mut sums =
-            Sums { means: vec![0.0; lamps * view.part.width()], tail: [0.0; 2], width: view.part.width() };
-        let angles: Vec<(f64, f64)> = view.lamps.iter().map(|t| t.sin_cos()).collect();
+        let width = view.part.width();
+        let count = view.lamps.len() * view.azimuths.len();
+        let mut sums = Sums { means: vec![0.0; count * width], tail: [0.0; 2], width };
         let azimuths: Vec<(f64, f64)> = view.azimuths.iter().map(|t| t.sin_cos()).collect();
+        let mut lamps = Lamps {
+            angles: view.lamps.iter().map(|t| t.sin_cos()).collect(),
+            columns: Vec::with_capacity(azimuths.len()),
+            lit: vec![false; view.lamps.len()],
+        };
+        let (st, ct) = view.theta.sin_cos();
         let key = hash(hash(seed as u32 ^ 0x51ed_270b) ^ hash((seed >> 32) as u32 ^ replicate));
-        let mut columns: Vec<Column> = Vec::with_capacity(azimuths.len());
-        let mut lit = vec![false; angles.len()];
         for i in 0..points {
             // The generalised golden ratio of three dimensions: x^4 = x + 1.
             const STEPS: [f64; 3] =
@@ -155,108 +165,118 @@ impl<'a> Walker<'a> {
             let (sin, cos) = (turn * self.turn).sin_cos();
             // The lamps stand on either side of the view: a disordered lattice is no mirror image of itself.
             let side = if hash(key ^ hash(i ^ 0x7f4a_7c15)) & 1 == 0 { 1.0 } else { -1.0 };
-            columns.clear();
-            columns.extend(azimuths.iter().map(|&(s, c)| {
+            lamps.columns.clear();
+            lamps.columns.extend(azimuths.iter().map(|&(s, c)| {
                 let s = s * side;
                 Column { cos: cos * c - sin * s, sin: sin * c + cos * s }
             }));
-            let (st, ct) = view.theta.sin_cos();
-            let origin = self.basis[0] * u + self.basis[1] * v;
-            let wo = DVec3::new(st * cos, st * sin, ct);
-            let start = origin.extend(self.field.max_height_um());
-            let sampler = Sampler::new(seed, UVec2::new(replicate, 0x00ce_1150), i);
-            self.walk(start, -wo, sampler, view.part, &angles, &columns, &mut lit, &mut sums);
+            let direction = -DVec3::new(st * cos, st * sin, ct);
+            let start = (self.basis[0] * u + self.basis[1] * v).extend(self.field.max_height_um());
+            let Some(hit) = self.field.first_hit(start, direction) else { continue };
+            match view.part {
+                Part::First => self.first_order(&hit, direction, &mut lamps, &mut sums),
+                Part::Later => {
+                    let sampler =
+                        |walk: u32| Sampler::new(seed, UVec2::new(replicate, 0x00ce_1150 + walk), i);
+                    self.lambertian(hit, direction, sampler(0), &mut lamps, &mut sums);
+                    self.mixed(hit, direction, sampler(1), &mut lamps, &mut sums);
+                }
+            }
         }
         let scale = 1.0 / points as f32;
         sums.means.iter_mut().for_each(|v| *v *= scale);
         sums
     }
 
-    #[allow(clippy::too_many_arguments)] // one caller; the last four are buffers and tables of the loop
-    fn walk(
-        &self,
-        start: DVec3,
-        mut direction: DVec3,
-        mut sampler: Sampler,
-        part: Part,
-        angles: &[(f64, f64)],
-        columns: &[Column],
-        lit: &mut [bool],
-        sums: &mut Sums,
-    ) {
-        let mut hit = self.field.first_hit(start, direction);
-        let mut plain = 1.0f32;
-        let mut weights = [[1.0f32; EXPONENTS]; SHARES.len()];
+    /// Order one.
+    fn first_order(&self, at: &CellHit, direction: DVec3, lamps: &mut Lamps, sums: &mut Sums) {
+        let Some(mirror) = mirror(at, direction) else { return };
+        let flat = at.kind == HitKind::Base;
+        self.visit(at, lamps, sums, |to, wi, share| {
+            to[0] += share * FRAC_1_PI;
+            if flat {
+                // The flat base shades as one Phong lobe, which is added in closed form.
+                to[1] += share;
+                return;
+            }
+            let lobe = powers(mirror.dot(wi));
+            for (k, to) in to[2..].iter_mut().enumerate() {
+                *to += share * self.norms[k] * lobe[k];
+            }
+        });
+    }
+
+    /// Orders from two on between Lambertian domes.
+    fn lambertian(&self, hit: CellHit, direction: DVec3, mut s: Sampler, lamps: &mut Lamps, sums: &mut Sums) {
+        let (mut at, mut direction) = (hit, direction);
         for order in 1..MAX_ORDERS {
-            let Some(at) = hit else { return };
-            let normal = at.normal;
-            let cos_view = -direction.dot(normal);
-            if cos_view <= 0.0 {
+            if mirror(&at, direction).is_none() {
                 return;
             }
-            let mirror = (direction + normal * (2.0 * cos_view)).as_vec3();
-            if (order == 1) == (part == Part::First) {
-                self.light(&at, mirror, order, (plain, &weights), angles, columns, lit, sums);
-            }
-            if part == Part::First {
-                return;
-            }
-            sampler.start_dimension(3 * order as u32);
-            let cosine = COSINE[(order - 1).min(COSINE.len() - 1)];
-            let Some(next) = self.reflect(normal, mirror, &mut plain, &mut weights, &mut sampler, cosine)
-            else {
-                return;
-            };
-            if order >= ROULETTE_ORDER {
-                if sampler.next_1d() >= SURVIVAL {
-                    return;
+            if order > 1 {
+                let to_order = (order.min(LAST) - 2) * PER_ORDER;
+                let mut light = 0.0;
+                self.visit(&at, lamps, sums, |to, _, share| {
+                    to[to_order] += share * FRAC_1_PI;
+                    light += f64::from(share);
+                });
+                if order >= LAST {
+                    sums.tail[0] += if order == LAST { light } else { 0.0 };
+                    sums.tail[1] += light;
                 }
-                plain /= SURVIVAL;
-                weights.iter_mut().flatten().for_each(|w| *w /= SURVIVAL);
             }
-            direction = next;
-            hit = self.field.first_hit_from(&at, direction);
+            s.start_dimension(order as u32);
+            let frame = Frame::from_normal(at.normal.as_vec3());
+            direction = frame.to_world(square_to_cosine_hemisphere(s.next_2d())).as_dvec3().normalize();
+            let Some(next) = self.field.first_hit_from(&at, direction) else { return };
+            at = next;
         }
     }
 
-    /// Adds the light of the lamps that see a point of the surface.
-    #[allow(clippy::too_many_arguments)] // as above
-    fn light(
+    /// Orders two to five between domes of any share of the lobe.
+    fn mixed(&self, hit: CellHit, direction: DVec3, mut s: Sampler, lamps: &mut Lamps, sums: &mut Sums) {
+        let (mut at, mut direction) = (hit, direction);
+        let mut weights = Weights { zero: 1.0, shares: [[1.0; EXPONENTS]; SHARES.len()] };
+        for order in 1..=LAST {
+            let Some(mirror) = mirror(&at, direction) else { return };
+            if order > 1 {
+                let to_order = (order - 2) * PER_ORDER;
+                let parts = Parts::new(&weights);
+                self.visit(&at, lamps, sums, |to, wi, share| {
+                    let mut lobe = powers(mirror.dot(wi));
+                    lobe.iter_mut().zip(&self.norms).for_each(|(v, norm)| *v *= norm * share);
+                    parts.add(&mut to[to_order + 1..to_order + PER_ORDER], share * FRAC_1_PI, &lobe);
+                });
+            }
+            s.start_dimension(2 * order as u32);
+            let Some(next) = self.reflect(at.normal.as_vec3(), mirror, &mut weights, &mut s) else { return };
+            direction = next;
+            let Some(next) = self.field.first_hit_from(&at, direction) else { return };
+            at = next;
+        }
+    }
+
+    /// Calls `add` with the sums of every lamp that sees a point of the surface, the direction to it, and
+    /// `<n.wi> / cos_i`.
+    #[inline]
+    fn visit(
         &self,
         at: &CellHit,
-        mirror: Vec3,
-        order: usize,
-        (plain, weights): (f32, &[Rungs; SHARES.len()]),
-        angles: &[(f64, f64)],
-        columns: &[Column],
-        lit: &mut [bool],
+        lamps: &mut Lamps,
         sums: &mut Sums,
+        mut add: impl FnMut(&mut [f32], Vec3, f32),
     ) {
-        let weighted = Weighted::new(plain, weights);
-        let width = if order == 1 { Part::First } else { Part::Later }.width();
+        let Lamps { angles, columns, lit } = lamps;
         let mut count = angles.len();
-        let mut lambert = 0.0;
-        for (column, sums) in columns.iter().zip(sums.means.chunks_exact_mut(angles.len() * width)) {
+        for (column, sums) in columns.iter().zip(sums.means.chunks_exact_mut(angles.len() * sums.width)) {
             count = self.lit(at, column, angles, count, lit);
+            let width = sums.len() / angles.len();
             for ((&(sin, cos), &lit), to) in angles.iter().zip(&*lit).zip(sums.chunks_exact_mut(width)) {
-                if !lit {
-                    continue;
+                if lit {
+                    let wi = DVec3::new(sin * column.cos, sin * column.sin, cos);
+                    add(to, wi.as_vec3(), (at.normal.dot(wi) / cos) as f32);
                 }
-                let wi = DVec3::new(sin * column.cos, sin * column.sin, cos);
-                let share = (at.normal.dot(wi) / cos) as f32;
-                let lobe = self.lobes(mirror.dot(wi.as_vec3()), share);
-                if order == 1 {
-                    first_order(to, share * FRAC_1_PI, &lobe, at.kind == HitKind::Base);
-                } else {
-                    let m = (order - 2).min(ORDERS - 1);
-                    weighted.add(&mut to[m * PER_ORDER..][..PER_ORDER], share * FRAC_1_PI, &lobe);
-                }
-                lambert += f64::from(plain * share);
             }
-        }
-        if order >= 5 {
-            sums.tail[0] += if order == 5 { lambert } else { 0.0 };
-            sums.tail[1] += lambert;
         }
     }
 
@@ -312,89 +332,72 @@ impl<'a> Walker<'a> {
         count
     }
 
-    /// `(n + 2) / (2 pi) cos^n(alpha)` of every rung times `share`.
-    fn lobes(&self, cos_alpha: f32, share: f32) -> Rungs {
-        let mut out = powers(cos_alpha);
-        for (v, norm) in out.iter_mut().zip(&self.norms) {
-            *v *= norm * share;
-        }
-        out
-    }
-
-    /// Draws the next direction and multiplies the weights.
-    fn reflect(
-        &self,
-        normal: DVec3,
-        mirror: Vec3,
-        plain: &mut f32,
-        weights: &mut [Rungs; SHARES.len()],
-        sampler: &mut Sampler,
-        cosine: f32,
-    ) -> Option<DVec3> {
-        let choice = sampler.next_1d();
-        let u = sampler.next_2d();
-        let n = normal.as_vec3();
-        let w = if choice < cosine {
+    /// Draws the next direction of a mixed walk and multiplies the weights.
+    fn reflect(&self, n: Vec3, mirror: Vec3, weights: &mut Weights, s: &mut Sampler) -> Option<DVec3> {
+        let choice = s.next_1d();
+        let u = s.next_2d();
+        let w = if choice < 0.5 {
             Frame::from_normal(n).to_world(square_to_cosine_hemisphere(u))
         } else {
-            let which = ((choice - cosine) / (1.0 - cosine) * PROPOSALS.len() as f32) as usize;
-            let which = which.min(PROPOSALS.len() - 1);
-            let exponent = exponent(PROPOSALS[which]) as f32;
-            Frame::from_normal(mirror).to_world(square_to_power_cosine(u, exponent))
+            let which = (((choice - 0.5) * 2.0 * PROPOSALS.len() as f32) as usize).min(PROPOSALS.len() - 1);
+            Frame::from_normal(mirror).to_world(square_to_power_cosine(u, exponent(PROPOSALS[which]) as f32))
         };
         let cos = n.dot(w);
         if cos <= 0.0 {
             return None;
         }
         let powers = powers(mirror.dot(w));
-        let lobes: f32 = PROPOSALS.iter().map(|&k| (exponent(k) as f32 + 1.0) / TAU * powers[k]).sum();
-        let pdf = cosine * cos * FRAC_1_PI + (1.0 - cosine) / PROPOSALS.len() as f32 * lobes;
+        // (n + 1) of the density from the (n + 2) of the norm.
+        let lobes: f32 = PROPOSALS.iter().map(|&k| (self.norms[k] - 1.0 / TAU) * powers[k]).sum();
+        let pdf = 0.5 * cos * FRAC_1_PI + 0.5 / PROPOSALS.len() as f32 * lobes;
         let diffuse = cos * FRAC_1_PI / pdf;
-        *plain *= diffuse;
-        for (s, rungs) in SHARES.iter().zip(weights) {
-            let lobe = s * cos / pdf;
+        weights.zero *= diffuse;
+        for (share, rungs) in SHARES.iter().zip(&mut weights.shares) {
+            let lobe = share * cos / pdf;
             for k in 0..EXPONENTS {
-                rungs[k] *= (1.0 - s) * diffuse + lobe * self.norms[k] * powers[k];
+                rungs[k] *= (1.0 - share) * diffuse + lobe * self.norms[k] * powers[k];
             }
         }
         Some(w.as_dvec3().normalize())
     }
 }
 
-/// A walk's weights times the two parts of f.
-struct Weighted {
-    plain: f32,
+/// The mirror direction at a dome; `None` where the ray comes from behind.
+fn mirror(at: &CellHit, direction: DVec3) -> Option<Vec3> {
+    let cos = -direction.dot(at.normal);
+    (cos > 0.0).then(|| (direction + at.normal * (2.0 * cos)).as_vec3())
+}
+
+/// A mixed walk's weights: at the share zero, and at each share and rung.
+struct Weights {
+    zero: f32,
+    shares: [Rungs; SHARES.len()],
+}
+
+/// The weights times the two parts of f.
+struct Parts {
+    zero: f32,
     diffuse: [Rungs; SHARES.len()],
     lobe: [Rungs; SHARES.len()],
 }
 
-impl Weighted {
-    fn new(plain: f32, weights: &[Rungs; SHARES.len()]) -> Self {
-        let times =
-            |factor: fn(f32) -> f32| std::array::from_fn(|j| weights[j].map(|w| w * factor(SHARES[j])));
-        Self { plain, diffuse: times(|s| 1.0 - s), lobe: times(|s| s) }
+impl Parts {
+    fn new(weights: &Weights) -> Self {
+        let times = |factor: fn(f32) -> f32| {
+            std::array::from_fn(|j| weights.shares[j].map(|w| w * factor(SHARES[j])))
+        };
+        Self { zero: weights.zero, diffuse: times(|s| 1.0 - s), lobe: times(|s| s) }
     }
 
+    #[inline]
     fn add(&self, to: &mut [f32], diffuse: f32, lobe: &Rungs) {
-        let Some((first, rest)) = to.split_first_mut() else { return };
-        *first += self.plain * diffuse;
+        let Some((zero, rest)) = to.split_first_mut() else { return };
+        *zero += self.zero * diffuse;
         for ((to, d), l) in rest.chunks_exact_mut(EXPONENTS).zip(&self.diffuse).zip(&self.lobe) {
             for k in 0..EXPONENTS {
                 to[k] += d[k] * diffuse + l[k] * lobe[k];
             }
         }
-    }
-}
-
-fn first_order(to: &mut [f32], diffuse: f32, lobe: &Rungs, flat: bool) {
-    to[0] += diffuse;
-    if flat {
-        // The flat base shades as one Phong lobe, which is added in closed form.
-        to[1] += diffuse / FRAC_1_PI;
-        return;
-    }
-    for (to, l) in to[2..].iter_mut().zip(lobe) {
-        *to += l;
     }
 }
 
