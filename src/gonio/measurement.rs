@@ -194,7 +194,6 @@ mod tests {
             (0, 0, 12.0)
         );
         assert_eq!(m.subset(|_| true).readings.len(), 4);
-        assert_eq!(m.subset(|_| true).bands.len(), 2);
     }
 
     #[test]

@@ -13,7 +13,7 @@ use crate::fit::{Audit, End, Fit, Fitted, Report, State};
 pub const MIN_CORRELATION: f64 = 0.1;
 
 /// The whole report: data, comparison where there is one, every fit with its audit.
-pub fn report(report: &Report) -> String {
+pub fn report(report: &Report, min_correlation: f64) -> String {
     let data = &report.data;
     let mut out = String::from("[[Data]]\n");
     let mut line = |name: &str, value: String| out.push_str(&format!("    {name:<19}= {value}\n"));
@@ -39,7 +39,7 @@ pub fn report(report: &Report) -> String {
         let _ = write!(out, "[[Models]]\n{}", indented(&ladder(&report.fits)));
     }
     for fit in &report.fits {
-        out.push_str(&fit_report(fit, MIN_CORRELATION));
+        out.push_str(&fit_report(fit, min_correlation));
         if let Some(found) = report.audit(&fit.model) {
             out.push_str(&audit(found));
         }
@@ -453,7 +453,8 @@ toy *                               2  42     0.0171   1.500e-05  0.0003075  -33
         let empty = Fit { parameters: Vec::new(), correlations: Vec::new(), ..fit.clone() };
         for fit in [fit, empty] {
             let data = DataInfo::new("a.csv", b"", "BSDF", &Measurement::default());
-            let text = super::report(&Report::new(None, data, vec![fit.clone(), fit], Vec::new()));
+            let text =
+                super::report(&Report::new(None, data, vec![fit.clone(), fit], Vec::new()), MIN_CORRELATION);
             let lower = text.to_lowercase();
             assert!(
                 !lower.contains("nan") && !lower.split_whitespace().any(|w| w.contains("inf") && w != "info"),

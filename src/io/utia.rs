@@ -24,6 +24,9 @@ const THETA_STEP_DEG: f64 = 15.0;
 const PHI_STEP_DEG: f64 = 7.5;
 const PER_PLANE: usize = THETAS * PHIS * THETAS * PHIS;
 
+/// Length of every UTIA file: three planes of doubles.
+pub const BYTES: usize = 3 * PER_PLANE * 8;
+
 /// A BRDF that was read from a UTIA file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct UtiaBrdf {
@@ -34,10 +37,8 @@ pub struct UtiaBrdf {
 
 /// Reads a file.
 pub fn read(bytes: &[u8]) -> Result<UtiaBrdf> {
-    let expected = 3 * PER_PLANE * 8;
-    if bytes.len() != expected {
-        let what =
-            format!("{} bytes; a UTIA file has {expected}: 3 x 6 x 48 x 6 x 48 values of 8", bytes.len());
+    if bytes.len() != BYTES {
+        let what = format!("{} bytes; a UTIA file has {BYTES}: 3 x 6 x 48 x 6 x 48 values of 8", bytes.len());
         return Err(invalid("UTIA", what));
     }
     let mut values = finite_f64s(bytes, "UTIA")?;

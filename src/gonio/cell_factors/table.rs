@@ -132,8 +132,8 @@ fn part<const W: usize>(sums: &Sums, lamp: usize, scale: f64, tail: f64) -> [f64
         set(1, ss);
         for m in 1..4 {
             let form = cubic_form(std::array::from_fn(|share| order(m, share, k)));
-            for j in 1..4 {
-                set(3 * m - 2 + j, form[j]);
+            for (j, &factor) in form.iter().enumerate().skip(1) {
+                set(3 * m - 2 + j, factor);
             }
         }
     }
