@@ -17,6 +17,7 @@ pub mod environment;
 pub mod emitter;
 pub mod material;
 pub mod petal;
+pub mod fitted;
 pub mod shape;
 pub mod compile;
 pub mod trace;
