@@ -1,11 +1,16 @@
 //! The command line of Rosarium: a thin front end, one file per command, no physics.
 
+mod cell_model;
 mod cells;
 mod check;
+mod convert;
+mod data;
+mod fit;
 mod grow;
 mod input;
 mod measure;
 mod output;
+mod plot;
 mod progress;
 mod render;
 mod report;
@@ -25,6 +30,8 @@ Examples:
   rosarium render                                the built-in rose to rose.png and rose.exr
   rosarium render scenes/thesis.toml -o a.exr -o a.png --spp 16
   rosarium measure thesis --incident 0,30,60 --rays 1e6 -o table.csv --plot lobes.svg
+  rosarium fit table.csv --model terado --report report.html -o petal.toml
+  rosarium convert table.csv petal.bsdf
   rosarium cells thesis -o cells.ply --plot cells.png
   rosarium grow -o rose.glb --seed 7
   rosarium check")]
@@ -54,6 +61,9 @@ struct Global {
 enum Command {
     Render(render::Args),
     Measure(measure::Args),
+    Fit(fit::Args),
+    Convert(convert::Args),
+    Plot(plot::Args),
     Cells(cells::Args),
     Grow(grow::Args),
     Check(check::Args),
@@ -110,6 +120,9 @@ fn run(cli: &Cli) -> Result<Outcome> {
     match &cli.command {
         Command::Render(args) => render::run(args, global),
         Command::Measure(args) => measure::run(args, global),
+        Command::Fit(args) => fit::run(args, global),
+        Command::Convert(args) => convert::run(args, global),
+        Command::Plot(args) => plot::run(args, global),
         Command::Cells(args) => cells::run(args, global),
         Command::Grow(args) => grow::run(args, global),
         Command::Check(args) => check::run(args, global),

@@ -65,6 +65,13 @@ impl Output {
         Ok(outputs)
     }
 
+    /// Another file of the same kind: `report.html` and `oak` give `report-oak.html`.
+    pub(crate) fn beside(&self, end: &str) -> Result<Self> {
+        let stem = self.path.file_stem().unwrap_or_default().to_string_lossy();
+        let path = self.path.with_file_name(format!("{stem}-{end}.{}", self.format));
+        Self::prepare("--output", &path, &[self.format])
+    }
+
     /// As the user wrote it.
     pub(crate) fn path(&self) -> &Path {
         &self.path

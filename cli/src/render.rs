@@ -6,8 +6,10 @@ use std::time::Instant;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use glam::UVec2;
 use rosarium::film::{Film, PixelRect, ToneMap};
-use rosarium::scene::description::IntegratorName;
-use rosarium::scene::{self, DEFAULT_SCENE, DEFAULT_SCENE_NAME, Loaded, Scene, SceneDescription, load};
+use rosarium::scene::description::{IntegratorName, PetalDescription};
+use rosarium::scene::{
+    self, DEFAULT_SCENE, DEFAULT_SCENE_NAME, Loaded, Override, Scene, SceneDescription, load,
+};
 use rosarium::transport::{self, Integrator, RenderSettings};
 use rosarium::{Result, io};
 
@@ -26,6 +28,7 @@ Examples:
   rosarium render                                     the built-in rose to rose.png and rose.exr
   rosarium render -D film.width=256 -D film.height=256 --spp 4 -o quick.png
   rosarium render scenes/thesis.toml -o a.exr -o a.png --integrator raytrace -D petal.samples=64
+  rosarium render --petal petal.toml -o fitted.png
   rosarium render scenes/rose.toml -o part.exr --crop 0.25,0.75,0.25,0.75 --seed 3
 `rosarium schema` lists every key of a scene file.")]
 pub(crate) struct Args {
@@ -34,6 +37,9 @@ pub(crate) struct Args {
     /// Picture to write: .exr or .png. Repeatable. Default: NAME.png and NAME.exr in this folder.
     #[arg(short, long, value_name = "FILE")]
     output: Vec<PathBuf>,
+    /// Petal for every petal of the scene, instead of the scene's: a preset, or a petal file such as `fit` writes.
+    #[arg(long, value_name = "NAME|FILE")]
+    petal: Option<String>,
     /// Samples per pixel, instead of the scene's.
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..))]
     spp: Option<u32>,
@@ -176,6 +182,9 @@ fn read_scene(args: &Args) -> Result<Scene> {
         }
         None => load::<SceneDescription>(DEFAULT_SCENE, DEFAULT_SCENE_NAME, define)?,
     };
+    if let Some(petal) = &args.petal {
+        description.petal = read_petal(petal, define)?;
+    }
     let SceneDescription { render, film, .. } = &mut description;
     render.spp = args.spp.unwrap_or(render.spp);
     render.seed = args.seed.unwrap_or(render.seed);
@@ -183,6 +192,18 @@ fn read_scene(args: &Args) -> Result<Scene> {
     film.exposure_ev = args.exposure.unwrap_or(film.exposure_ev);
     film.tone_map = args.tone_map.unwrap_or(film.tone_map);
     scene::compile(&description, &input::assets_beside(args.scene.as_deref())).map_err(|e| source.locate(e))
+}
+
+/// The petal of `--petal`, with the scene's overrides of `petal.` keys. Its mistakes are found here, where its own file is
+/// known.
+fn read_petal(argument: &str, define: &[Override]) -> Result<PetalDescription> {
+    let own = define.iter().filter_map(|o| {
+        let key = o.key.strip_prefix("petal.")?.to_owned();
+        Some(Override { key, value: o.value.clone() })
+    });
+    let input::Petal { loaded, assets, .. } = input::petal(argument, &Overrides { define: own.collect() })?;
+    loaded.description.compile("", &assets).map_err(|e| loaded.source.locate(e))?;
+    Ok(loaded.description)
 }
 
 fn integrator(scene: &Scene) -> Box<dyn Integrator> {

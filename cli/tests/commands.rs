@@ -12,7 +12,9 @@ fn stdout(output: &std::process::Output) -> String {
 #[test]
 fn every_command_explains_itself_with_an_example() {
     let dir = folder();
-    for name in ["render", "measure", "cells", "grow", "check", "schema", "completions"] {
+    for name in
+        ["render", "measure", "fit", "convert", "plot", "cells", "grow", "check", "schema", "completions"]
+    {
         let help = stdout(&succeeds(&dir, &[name, "--help"]));
         assert!(help.contains(&format!("rosarium {name}")) && help.contains("Example"), "{help}");
     }
