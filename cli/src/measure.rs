@@ -57,6 +57,10 @@ pub(crate) struct Args {
         allow_hyphen_values = true
     )]
     wavelengths: Vec<f64>,
+    /// Turn the sample about its normal from path to path: the mean over all azimuths, as fits assume. Without it the lamp
+    /// stands along the rows of cells.
+    #[arg(long)]
+    spin: bool,
     /// Table to write: .csv, with a header that describes it.
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
@@ -82,6 +86,7 @@ pub(crate) fn run(args: &Args, global: Global) -> Result<Outcome> {
         rays: args.rays,
         seed: args.seed,
         bands_nm: args.wavelengths.clone(),
+        spin: args.spin,
         ..Goniophotometer::default()
     };
     gonio.validate().map_err(name_flag)?;
@@ -89,6 +94,7 @@ pub(crate) fn run(args: &Args, global: Global) -> Result<Outcome> {
     let plots = Output::prepare_all("--plot", &args.plot, &["svg", "png"])?;
     let input::Petal { name, loaded, assets } = input::petal(&args.petal, &args.overrides)?;
     let petal = loaded.description.compile("", &assets).map_err(|e| loaded.source.locate(e))?;
+    let name = if args.spin { format!("{name}, all azimuths") } else { name };
     let description =
         toml::to_string(&loaded.description).map_err(|e| Error::invalid(&name, e.to_string()))?;
 

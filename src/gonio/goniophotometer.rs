@@ -14,18 +14,22 @@
 //! | N | `rays` (per incidence) | | 1e6 |
 //! | wavelengths | `bands_nm` | nm | 550 |
 //! | bins | `exitant`, `scan` | deg | 5 x 10, 2.5 x +-6 |
+//! | sample turned about its normal from path to path | `spin` | | no |
 //!
 //! Path k of incidence i draws from `Sampler::new(seed, (i, side), k)`; chunks of fixed size are summed in
 //! their order, so the table has the same bytes at any number of threads (`same_at_any_thread_count`). More
 //! than `LANES` bands are measured in groups that share their random numbers.
 //!
-//! Limits: 0 <= theta_i < 90 deg (`rejects_bad_input`); a bin's value is its average, which differs from
+//! Limits: 0 <= theta_i < 90 deg (`rejects_bad_input`); a regular lattice has a direction, over which `spin` averages
+//! (`spin_is_the_mean_over_the_lamps_azimuths`); a bin's value is its average, which differs from
 //! the BSDF at its centre where a lobe is narrower than the bin (`bins_match_the_average_of_eval`).
 
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-use glam::{UVec2, Vec3};
+use std::f64::consts::TAU;
+
+use glam::{DVec2, UVec2, Vec2, Vec3};
 use rayon::prelude::*;
 
 use super::counters::{Counters, PathTotals};
@@ -58,6 +62,9 @@ pub struct Goniophotometer {
     pub exitant: ExitantGrid,
     /// Bins of the plane of incidence.
     pub scan: PlaneScan,
+    /// Turn the sample about its normal from path to path: the mean over all azimuths, which is what fits assume of a
+    /// sample whose cells' rows nobody knows.
+    pub spin: bool,
 }
 
 impl Default for Goniophotometer {
@@ -70,6 +77,7 @@ impl Default for Goniophotometer {
             bands_nm: vec![550.0],
             exitant: ExitantGrid::default(),
             scan: PlaneScan::default(),
+            spin: false,
         }
     }
 }
@@ -234,11 +242,17 @@ impl<'a> Lamp<'a> {
         let bands = self.gonio.bands_nm.len();
         counters.paths += 1;
         let mut mean = PathTotals::default();
+        // The golden ratio's multiples fill the circle evenly, however many paths there are.
+        let turn_by =
+            if self.gonio.spin { (ray as f64 * 0.618_033_988_749_894_9).fract() * TAU } else { 0.0 };
+        let spin = DVec2::from_angle(turn_by).as_vec2();
+        let spun = |w: Vec3, spin: Vec2| spin.rotate(w.truncate()).extend(w.z);
+        let wi = if self.gonio.spin { spun(self.wi, spin) } else { self.wi };
         for (g, lambda) in self.groups.iter().enumerate() {
             let first = g * LANES;
             let count = (bands - first).min(LANES);
             let mut sampler = Sampler::new(self.gonio.seed, pixel, ray as u32);
-            let Some((w, weight)) = sample.scatter(self.wi, lambda, &mut sampler) else {
+            let Some((w, weight)) = sample.scatter(wi, lambda, &mut sampler) else {
                 counters.totals[first..first + count].iter_mut().for_each(|t| t.add(&PathTotals::ABSORBED));
                 mean.add_scaled(&PathTotals::ABSORBED, count as f64 / bands as f64);
                 continue;
@@ -248,6 +262,7 @@ impl<'a> Lamp<'a> {
                 let what = format!("scattered light from {} to {w} with weights {weights:?}", self.wi);
                 return Err(Error::invalid("sample", what));
             }
+            let w = if self.gonio.spin { spun(w, spin * Vec2::new(1.0, -1.0)) } else { w };
             let w = turn(w, self.gonio.side);
             let bin = self.gonio.exitant.bin(w);
             let scan_bin = self.gonio.scan.bin(w);
@@ -301,6 +316,42 @@ mod tests {
 
     fn z(e: Estimate, expected: f64) -> f64 {
         (e.value - expected).abs() / e.standard_error
+    }
+
+    /// Sends all light 12.5 degrees from the normal along the sample's x axis, more the nearer the lamp's azimuth is.
+    struct Grooves;
+
+    impl Scatter for Grooves {
+        fn scatter(
+            &self,
+            wi: Vec3,
+            _: &SampledWavelengths,
+            _: &mut crate::math::Sampler,
+        ) -> Option<(Vec3, SampledSpectrum)> {
+            let along = (wi.x / wi.truncate().length()).powi(2);
+            Some((spherical(12.5f32.to_radians(), 0.0), SampledSpectrum::splat(along)))
+        }
+    }
+
+    #[test]
+    fn spin_is_the_mean_over_the_lamps_azimuths() {
+        let fixed = gonio(&[40.0], 20_000);
+        let spun = Goniophotometer { spin: true, ..fixed.clone() };
+        // The mean of cos^2 is one half; without spin the lamp stands along the grooves.
+        assert!((run(&fixed, &Grooves).incidences[0].mean.reflectance.value - 1.0).abs() < 1e-6);
+        let table = run(&spun, &Grooves);
+        assert!((table.incidences[0].mean.reflectance.value - 0.5).abs() < 1e-3);
+        // Seen from the lamp the light leaves at azimuth -p where the sample was turned by p: f(azimuth) goes like cos^2.
+        let at = |phi: f64| {
+            let bin = (0..table.grid.len()).find(|&b| {
+                let (t, p) = table.grid.centre_deg(b);
+                (t - 12.5).abs() < 3.0 && (p - phi).abs() < 1e-9
+            });
+            table.incidences[0].bsdf[bin.unwrap()].value
+        };
+        assert!(at(90.0) < 0.02 * at(0.0), "{} {}", at(90.0), at(0.0));
+        assert!((at(180.0) / at(0.0) - 1.0).abs() < 0.05);
+        assert!((at(60.0) / at(0.0) - 0.25).abs() < 0.03);
     }
 
     #[test]

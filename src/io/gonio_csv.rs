@@ -220,6 +220,8 @@ fn instrument(header: &Header) -> Result<Goniophotometer> {
         bands_nm: header.bands_nm.clone(),
         exitant: header.grid,
         scan: header.scan,
+        // Of the measurement, not of the table: the sample's name says it.
+        spin: false,
     };
     gonio.validate()?;
     Ok(gonio)
