@@ -1,6 +1,7 @@
 //! `rosarium fit`.
 
 use std::path::PathBuf;
+use std::time::Instant;
 
 use clap::ValueEnum;
 use rosarium::fit::models::terado::Terado;
@@ -251,7 +252,9 @@ pub(crate) fn run(args: &Args, global: Global) -> Result<Outcome> {
         for (m, model) in models.iter().enumerate() {
             let before = step * (p * models.len() + m) as u64;
             let advance = |done: u64, total: u64| bar.step(before + done * step / total.max(1), steps);
+            let began = Instant::now();
             let fit = fit::fit(&**model, part, &own(&options, &**model, models.len()), &advance)?;
+            tracing::info!(model = model.name(), ms = began.elapsed().as_secs_f64() * 1e3, "fitted");
             audits.push(Audit::new(&**model, &fit, part, &projected_sr)?);
             fits.push(fit);
         }
