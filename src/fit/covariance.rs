@@ -56,7 +56,7 @@ impl Uncertainty {
     ) -> Self {
         let (n, k) = at.jacobian.shape();
         let (mut residuals, mut jacobian) = (at.residuals.clone(), at.jacobian.clone());
-        loss.linearise(&mut residuals, &mut jacobian);
+        loss.linearise(&mut residuals, &mut jacobian, 0.0);
         let mut knowledge: Vec<Knowledge> = (0..k)
             .map(|i| match at.x[i] {
                 x if x <= lower[i] => Knowledge::AtLower,

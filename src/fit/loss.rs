@@ -76,15 +76,17 @@ impl ScaledLoss {
         if sum.is_finite() { 0.5 * sum } else { f64::INFINITY }
     }
 
-    /// Scales residuals and the rows of their Jacobian.
-    pub(crate) fn linearise(&self, residuals: &mut [f64], jacobian: &mut DMatrix<f64>) {
+    /// Scales residuals and the rows of their Jacobian: the gradient is exact, the curvature rho' + 2 z rho'' is kept above
+    /// `floor` times rho'. With 0 (and rounding) this is SciPy's; where every residual is an outlier its curvature is none
+    /// at all, and a search needs some.
+    pub(crate) fn linearise(&self, residuals: &mut [f64], jacobian: &mut DMatrix<f64>, floor: f64) {
         if self.loss == Loss::Linear {
             return;
         }
         for (i, r) in residuals.iter_mut().enumerate() {
             let z = (*r / self.scale).powi(2);
             let [_, d1, d2] = self.loss.rho(z);
-            let s = (d1 + 2.0 * d2 * z).max(f64::EPSILON).sqrt();
+            let s = (d1 + 2.0 * d2 * z).max(floor * d1).max(f64::EPSILON).sqrt();
             *r *= d1 / s;
             jacobian.row_mut(i).scale_mut(s);
         }
@@ -106,6 +108,55 @@ mod tests {
             }
             assert_eq!(loss.rho(0.0)[..2], [0.0, 1.0], "{loss:?}");
             assert_eq!(ScaledLoss { loss, scale: 0.1 }.cost(&[f64::NAN]), f64::INFINITY);
+        }
+    }
+
+    #[test]
+    fn a_search_leaves_a_start_where_all_readings_are_outliers() {
+        use std::ops::ControlFlow;
+
+        use crate::fit::{self, Action, Options, Override, models};
+        use crate::gonio::measurement::direction_deg;
+        use crate::gonio::{Band, Measurement, Reading};
+
+        // kd / pi of 0.35 with errors of one sigma and an outlier; sigma is 1 %, so 0.9 is far away for every reading.
+        let (value, sigma) = (0.35 / std::f64::consts::PI, 0.0035 / std::f64::consts::PI);
+        let readings = [0.3, -1.2, 0.8, -0.4, 1.7, -0.9, 0.1, 25.0].iter().enumerate().map(|(i, e)| Reading {
+            wi: direction_deg(20.0, 0.0),
+            wo: direction_deg(10.0 * i as f64, 90.0),
+            series: 0,
+            band: 0,
+            bsdf_per_sr: value + e * sigma,
+            sigma_per_sr: Some(sigma),
+        });
+        let m = Measurement {
+            bands: vec![Band::nm(550.0)],
+            series: vec!["a".into()],
+            readings: readings.collect(),
+            ..Default::default()
+        };
+        for loss in [Loss::SoftL1, Loss::Huber, Loss::Cauchy] {
+            for start in [0.3, 0.9] {
+                let options = Options {
+                    loss,
+                    loss_scale: Some(1.0),
+                    parameters: vec![Override { name: "kd".into(), action: Action::Start(start) }],
+                    starts: 1,
+                    ..Default::default()
+                };
+                let model = models::by_name("lambert").unwrap();
+                let fit = fit::fit(&*model, &m, &options, &|_, _| ControlFlow::Continue(())).unwrap();
+                let cost = |kd: f64| {
+                    let of = |r: &Reading| (kd / std::f64::consts::PI - r.bsdf_per_sr) / sigma;
+                    let residuals: Vec<f64> = m.readings.iter().map(of).collect();
+                    ScaledLoss { loss, scale: 1.0 }.cost(&residuals)
+                };
+                // The minimum among 2e5 values near the truth.
+                let kd = |i: i32| 0.34 + 1e-7 * f64::from(i);
+                let best = (0..200_000).min_by(|&a, &b| cost(kd(a)).total_cmp(&cost(kd(b)))).unwrap();
+                let found = fit.parameters[0].value;
+                assert!(fit.converged && (found - kd(best)).abs() < 2e-7, "{loss:?} {start}: {found} {}", kd(best));
+            }
         }
     }
 }

@@ -21,6 +21,9 @@ const MAX_STEPS: usize = 1000;
 /// Gain, relative to the cost, below which costs are not compared.
 const ROUNDING: f64 = 1e-12;
 
+/// Least curvature of a robust loss, as a share of its slope.
+const CURVATURE: f64 = 0.1;
+
 /// What can be fitted.
 pub(crate) trait Residuals: Sync {
     /// Rows of the Jacobian in groups that share few variables (the readings of one band).
@@ -164,7 +167,7 @@ impl Linear {
         (lower, upper): (&[f64], &[f64]),
     ) -> Self {
         let (mut residuals, mut jacobian) = (at.residuals.clone(), at.jacobian.clone());
-        loss.linearise(&mut residuals, &mut jacobian);
+        loss.linearise(&mut residuals, &mut jacobian, CURVATURE);
         let f = DVector::from_vec(residuals);
         let gradient = jacobian.tr_mul(&f);
         let length: Vec<f64> = jacobian.column_iter().map(|c| c.norm()).collect();
