@@ -121,14 +121,15 @@ mod tests {
 
         // kd / pi of 0.35 with errors of one sigma and an outlier; sigma is 1 %, so 0.9 is far away for every reading.
         let (value, sigma) = (0.35 / std::f64::consts::PI, 0.0035 / std::f64::consts::PI);
-        let readings = [0.3, -1.2, 0.8, -0.4, 1.7, -0.9, 0.1, 25.0].iter().enumerate().map(|(i, e)| Reading {
-            wi: direction_deg(20.0, 0.0),
-            wo: direction_deg(10.0 * i as f64, 90.0),
-            series: 0,
-            band: 0,
-            bsdf_per_sr: value + e * sigma,
-            sigma_per_sr: Some(sigma),
-        });
+        let readings =
+            [0.3, -1.2, 0.8, -0.4, 1.7, -0.9, 0.1, 25.0].iter().enumerate().map(|(i, e)| Reading {
+                wi: direction_deg(20.0, 0.0),
+                wo: direction_deg(10.0 * i as f64, 90.0),
+                series: 0,
+                band: 0,
+                bsdf_per_sr: value + e * sigma,
+                sigma_per_sr: Some(sigma),
+            });
         let m = Measurement {
             bands: vec![Band::nm(550.0)],
             series: vec!["a".into()],
@@ -155,7 +156,11 @@ mod tests {
                 let kd = |i: i32| 0.34 + 1e-7 * f64::from(i);
                 let best = (0..200_000).min_by(|&a, &b| cost(kd(a)).total_cmp(&cost(kd(b)))).unwrap();
                 let found = fit.parameters[0].value;
-                assert!(fit.converged && (found - kd(best)).abs() < 2e-7, "{loss:?} {start}: {found} {}", kd(best));
+                assert!(
+                    fit.converged && (found - kd(best)).abs() < 2e-7,
+                    "{loss:?} {start}: {found} {}",
+                    kd(best)
+                );
             }
         }
     }
