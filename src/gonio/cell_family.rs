@@ -267,7 +267,7 @@ mod tests {
     #[test]
     fn between_the_nodes_is_the_shape_itself() {
         let nodes = AngleNodes { thetas: 5, ratios: 4, azimuths: 4 };
-        let settings = FactorSettings { points: 512, seed: 3, first: nodes, later: nodes };
+        let settings = FactorSettings { points: 512, facets: 16, seed: 3, first: nodes, later: nodes };
         let go = |_, _| ControlFlow::Continue(());
         let cells = CellDescription::default();
         let family = CellFamily::compute(&cells, &[AXIS], &settings, &go).unwrap();

@@ -219,7 +219,7 @@ mod tests {
 
     fn family(axes: &[Axis], points: u32) -> Arc<CellFamily> {
         let nodes = AngleNodes { thetas: 8, ratios: 6, azimuths: 7 };
-        let settings = FactorSettings { points, seed: 5, first: nodes, later: nodes };
+        let settings = FactorSettings { points, facets: points / 32, seed: 5, first: nodes, later: nodes };
         let go = |_, _| ControlFlow::Continue(());
         Arc::new(CellFamily::compute(&CellDescription::default(), axes, &settings, &go).unwrap())
     }
@@ -315,7 +315,7 @@ mod tests {
         let cells = CellDescription::default();
         let nodes = AngleNodes { thetas: 16, ratios: 8, azimuths: 10 };
         let later = AngleNodes { thetas: 8, ratios: 5, azimuths: 6 };
-        let settings = FactorSettings { points: 4096, seed: 5, first: nodes, later };
+        let settings = FactorSettings { points: 4096, facets: 64, seed: 5, first: nodes, later };
         let factors = CellFactors::compute(&cells, &settings, &|_, _| ControlFlow::Continue(())).unwrap();
         let model = Terado::new(CellFamily::from(factors));
         let p = [0.4, 0.1, 8.0, 0.15, 0.1, 1.5];

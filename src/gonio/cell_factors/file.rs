@@ -1,8 +1,8 @@
 //! The tables as bytes, to keep them from one run to the next.
 //!
 //! Layout, little-endian: `rosacell`, version u32; the cells: pitch, height, centre disorder, height disorder, tilt
-//! disorder f64, profile u8 (its place in the list of profiles), seed u64, tile u32; the settings: points u32, seed u64,
-//! nodes of order one and of the later orders 3 x u32 each; the series' ratio f64; interpolation errors f64 each; the
+//! disorder f64, profile u8 (its place in the list of profiles), seed u64, tile u32; the settings: points u32, facets u32, seed
+//! u64, nodes of order one and of the later orders 3 x u32 each; the series' ratio f64; interpolation errors f64 each; the
 //! numbers and errors of order one, then those of the later orders, f32 each; SHA-256 of all that precedes.
 //!
 //! Nothing is allocated before the length is found to be the one that the nodes ask for. Guarded by
@@ -43,6 +43,7 @@ impl CellFactors {
         out.extend(seed.to_le_bytes());
         out.extend(tile_cells.to_le_bytes());
         out.extend(self.settings.points.to_le_bytes());
+        out.extend(self.settings.facets.to_le_bytes());
         out.extend(self.settings.seed.to_le_bytes());
         for nodes in [self.settings.first, self.settings.later] {
             for n in [nodes.thetas, nodes.ratios, nodes.azimuths] {
@@ -90,8 +91,9 @@ impl CellFactors {
             tile_cells: reader.u32()?,
         };
         cells.validate(name)?;
-        let (points, seed) = (reader.u32()?, u64::from_le_bytes(reader.take()?));
-        let settings = FactorSettings { points, seed, first: reader.nodes()?, later: reader.nodes()? };
+        let (points, facets, seed) = (reader.u32()?, reader.u32()?, u64::from_le_bytes(reader.take()?));
+        let settings =
+            FactorSettings { points, facets, seed, first: reader.nodes()?, later: reader.nodes()? };
         settings.validate()?;
         let [tail_ratio, diffuse] = reader.f64s()?;
         let specular = reader.f64s::<{ ERRORS - 1 }>()?.to_vec();
@@ -174,7 +176,7 @@ mod tests {
 
     fn compute(cells: &CellDescription) -> CellFactors {
         let nodes = AngleNodes { thetas: 4, ratios: 5, azimuths: 6 };
-        let settings = FactorSettings { points: 64, seed: u64::MAX, first: nodes, later: nodes };
+        let settings = FactorSettings { points: 64, facets: 8, seed: u64::MAX, first: nodes, later: nodes };
         CellFactors::compute(cells, &settings, &|_, _| ControlFlow::Continue(())).unwrap()
     }
 

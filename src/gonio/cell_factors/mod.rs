@@ -16,6 +16,7 @@
 //! | symbol | field | unit | default |
 //! |---|---|---|---|
 //! | points per viewing angle | `points` | | 16 384 |
+//! | points by their normal, per pair of nodes | `facets` | | 256 |
 //! | nodes of order one: larger angle x ratio x azimuth | `first` | | 30 x 16 x 25 |
 //! | nodes of the later orders | `later` | | 10 x 7 x 9 |
 //! | seed | `seed` | | 0 |
@@ -30,6 +31,7 @@
 
 pub mod angles;
 pub mod polynomial;
+mod facets;
 mod file;
 mod table;
 mod walk;
@@ -63,6 +65,8 @@ const CHECKS: usize = 3;
 pub struct FactorSettings {
     /// Points of the petal per viewing angle, 64 to 2^24.
     pub points: u32,
+    /// Points found by their normal, for each pair of nodes of order one: what sharp lobes need. 0 to 2^16.
+    pub facets: u32,
     /// Seed of the random numbers.
     pub seed: u64,
     /// Nodes of the light that was reflected once.
@@ -75,6 +79,7 @@ impl Default for FactorSettings {
     fn default() -> Self {
         Self {
             points: 1 << 14,
+            facets: 256,
             seed: 0,
             first: AngleNodes { thetas: 30, ratios: 16, azimuths: 25 },
             later: AngleNodes { thetas: 10, ratios: 7, azimuths: 9 },
@@ -90,6 +95,9 @@ impl FactorSettings {
                 "factors.points",
                 format!("{} is not within 64 to 2^24", self.points),
             ));
+        }
+        if self.facets > 1 << 16 {
+            return Err(Error::invalid("factors.facets", format!("{} is not within 0 to 2^16", self.facets)));
         }
         self.first.validate("factors.first")?;
         self.later.validate("factors.later")
@@ -270,7 +278,7 @@ fn trace(
     settings: &FactorSettings,
     progress: Progress,
 ) -> Result<Vec<Sums>> {
-    let points = settings.points.div_ceil(REPLICATES as u32);
+    let [points, facets] = [settings.points, settings.facets].map(|n| n.div_ceil(REPLICATES as u32));
     let tasks = views.len() * REPLICATES;
     let (done, cancelled) = (AtomicU64::new(0), AtomicBool::new(false));
     let sums: Vec<Option<Sums>> = (0..tasks)
@@ -280,7 +288,7 @@ fn trace(
                 return None;
             }
             let (view, replicate) = (task / REPLICATES, (task % REPLICATES) as u32);
-            let sums = walker.trace(&views[view], settings.seed, replicate, points);
+            let sums = walker.trace(&views[view], settings.seed, replicate, points, facets);
             let finished = u64::from(points) * (done.fetch_add(1, Ordering::Relaxed) + 1);
             if progress(finished, u64::from(points) * tasks as u64) == ControlFlow::Break(()) {
                 cancelled.store(true, Ordering::Relaxed);

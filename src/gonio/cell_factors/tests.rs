@@ -12,7 +12,7 @@ use crate::spectrum::SampledWavelengths;
 
 fn settings(points: u32, first: [usize; 3], later: [usize; 3]) -> FactorSettings {
     let nodes = |[thetas, ratios, azimuths]: [usize; 3]| AngleNodes { thetas, ratios, azimuths };
-    FactorSettings { points, seed: 7, first: nodes(first), later: nodes(later) }
+    FactorSettings { points, facets: points / 32, seed: 7, first: nodes(first), later: nodes(later) }
 }
 
 fn compute(cells: &CellDescription, settings: &FactorSettings) -> CellFactors {
@@ -215,4 +215,14 @@ fn stops_when_asked_and_refuses_nonsense() {
     }
     let bad = CellDescription { pitch_um: -1.0, ..cells };
     assert!(CellFactors::compute(&bad, &small().settings, &|_, _| ControlFlow::Continue(())).is_err());
+}
+
+#[test]
+fn scratch_measure() {
+    let get = |k: &str, d: u32| std::env::var(k).map_or(d, |v| v.parse().unwrap());
+    let start = std::time::Instant::now();
+    let t = compute(&CellDescription::default(), &FactorSettings { points: get("PTS", 1 << 14), facets: get("FAC", 256), ..Default::default() });
+    println!("{:?}", start.elapsed());
+    println!("noise {:.4?}", t.noise());
+    println!("interpolation {:.4?}", t.interpolation_error());
 }

@@ -25,6 +25,7 @@ use std::f32::consts::{FRAC_1_PI, TAU};
 
 use glam::{DVec2, DVec3, UVec2, Vec3};
 
+use super::facets::Facets;
 use super::polynomial::{EXPONENTS, FIRST, exponent};
 use crate::math::sampler::{hash, hash_to_unit};
 use crate::math::warp::{square_to_cosine_hemisphere, square_to_power_cosine};
@@ -98,6 +99,7 @@ impl Sums {
 /// Everything that the walks of one surface share.
 pub(super) struct Walker<'a> {
     field: &'a CellField,
+    facets: Option<Facets<'a>>,
     /// The parallelogram that repeats, um.
     basis: [DVec2; 2],
     /// The azimuth after which the lattice repeats, radians.
@@ -135,6 +137,7 @@ impl<'a> Walker<'a> {
         };
         Self {
             field,
+            facets: Facets::new(field),
             basis,
             turn: if regular { std::f64::consts::FRAC_PI_3 } else { std::f64::consts::TAU },
             columns: cells.tilt_disorder_deg == 0.0,
@@ -142,8 +145,8 @@ impl<'a> Walker<'a> {
         }
     }
 
-    /// Walks from `points` points.
-    pub(super) fn trace(&self, view: &View, seed: u64, replicate: u32, points: u32) -> Sums {
+    /// Walks from `points` points; for order one also looks at `facets` points that the normal finds, for each lamp.
+    pub(super) fn trace(&self, view: &View, seed: u64, replicate: u32, points: u32, facets: u32) -> Sums {
         let width = view.part.width();
         let count = view.lamps.len() * view.azimuths.len();
         let mut sums = Sums { means: vec![0.0; count * width], tail: [0.0; 2], width };
@@ -174,7 +177,10 @@ impl<'a> Walker<'a> {
             let start = (self.basis[0] * u + self.basis[1] * v).extend(self.field.max_height_um());
             let Some(hit) = self.field.first_hit(start, direction) else { continue };
             match view.part {
-                Part::First => self.first_order(&hit, direction, &mut lamps, &mut sums),
+                Part::First => {
+                    let rival = f64::from(facets) / f64::from(points) * ct;
+                    self.first_order(&hit, direction, rival, &mut lamps, &mut sums);
+                }
                 Part::Later => {
                     let sampler =
                         |walk: u32| Sampler::new(seed, UVec2::new(replicate, 0x00ce_1150 + walk), i);
@@ -183,14 +189,20 @@ impl<'a> Walker<'a> {
                 }
             }
         }
+        if view.part == Part::First {
+            self.sharp(view, seed, replicate, points, facets, &mut sums);
+        }
         let scale = 1.0 / points as f32;
         sums.means.iter_mut().for_each(|v| *v *= scale);
         sums
     }
 
-    /// Order one.
-    fn first_order(&self, at: &CellHit, direction: DVec3, lamps: &mut Lamps, sums: &mut Sums) {
+    /// Order one. `rival`: facets per point, times the cosine of the view.
+    fn first_order(&self, at: &CellHit, direction: DVec3, rival: f64, lamps: &mut Lamps, sums: &mut Sums) {
         let Some(mirror) = mirror(at, direction) else { return };
+        let view = -direction.as_vec3();
+        // What a facet's density is to be multiplied with to be compared with this point's.
+        let rival = rival * at.normal.z / -direction.dot(at.normal);
         let flat = at.kind == HitKind::Base;
         self.visit(at, lamps, sums, |to, wi, share| {
             to[0] += share * FRAC_1_PI;
@@ -199,11 +211,56 @@ impl<'a> Walker<'a> {
                 to[1] += share;
                 return;
             }
+            let other = self.facets.as_ref().map_or(0.0, |f| f.density(at, (view + wi).normalize()));
+            let share = share / (1.0 + rival * other) as f32;
             let lobe = powers(mirror.dot(wi));
             for (k, to) in to[2..].iter_mut().enumerate() {
                 *to += share * self.norms[k] * lobe[k];
             }
         });
+    }
+
+    /// The lobes' light of order one from points found by their normal, as sums over `points` points.
+    fn sharp(&self, view: &View, seed: u64, replicate: u32, points: u32, count: u32, sums: &mut Sums) {
+        let Some(facets) = &self.facets else { return };
+        let width = sums.width;
+        let (st, ct) = view.theta.sin_cos();
+        for i in 0..count {
+            let mut s = Sampler::new(seed, UVec2::new(replicate, 0x00fa_ce75), i);
+            let (u, extra, cell) = (s.next_2d(), s.next_2d(), s.next_2d());
+            let (sin, cos) = (f64::from(extra.y) * self.turn).sin_cos();
+            let side = if cell.y < 0.5 { 1.0 } else { -1.0 };
+            let wo = DVec3::new(st * cos, st * sin, ct);
+            let mut to = sums.means.chunks_exact_mut(width);
+            for azimuth in &view.azimuths {
+                let (s, c) = (azimuth * side).sin_cos();
+                let (cos_i, sin_i) = (cos * c - sin * s, sin * c + cos * s);
+                for lamp in &view.lamps {
+                    let Some(to) = to.next() else { return };
+                    let (sl, cl) = lamp.sin_cos();
+                    let wi = DVec3::new(sl * cos_i, sl * sin_i, cl);
+                    let half = (wo + wi).normalize().as_vec3();
+                    facets.draw(half, u, extra.x, cell.x, |facet| {
+                        let (normal, hit) = (facet.hit.normal, &facet.hit);
+                        let (to_view, to_lamp) = (normal.dot(wo), normal.dot(wi));
+                        if to_view <= 0.0 || to_lamp <= 0.0 {
+                            return;
+                        }
+                        if self.field.occluded_from(hit, wo) || self.field.occluded_from(hit, wi) {
+                            return;
+                        }
+                        // The integrand over the sum of both densities, all per area of the tile.
+                        let spread = to_view / (ct * normal.z);
+                        let both = f64::from(points) * spread + f64::from(count) * facet.density;
+                        let share = f64::from(points) * spread * to_lamp / (cl * both);
+                        let lobe = powers((normal * (2.0 * to_view) - wo).dot(wi) as f32);
+                        for (k, to) in to[2..].iter_mut().enumerate() {
+                            *to += share as f32 * self.norms[k] * lobe[k];
+                        }
+                    });
+                }
+            }
+        }
     }
 
     /// Orders from two on between Lambertian domes.
