@@ -17,7 +17,7 @@ use crate::{Error, Result};
 
 const MAGIC: &[u8; 8] = b"rosacell";
 /// Changes with the layout and with what the numbers mean.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 const CHECKSUM: usize = 32;
 
 impl CellFactors {

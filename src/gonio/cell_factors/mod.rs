@@ -24,7 +24,7 @@
 //! Scale-free: only the ratio of height to pitch, the profile and the disorder matter (`scale_does_not_matter`).
 //!
 //! Limits: noise and interpolation are estimated and kept with the table ([`CellFactors::standard_error`],
-//! [`CellFactors::interpolation_error`]); against direct estimates: `agrees_with_the_petal`; energy:
+//! [`CellFactors::relative_noise`], [`CellFactors::interpolation_error`]; `noise_is_what_it_says`); against direct estimates: `agrees_with_the_petal`; energy:
 //! `albedo_is_the_goniophotometers`; a flat surface is exact: `flat_cells_are_closed_forms`. Low domes (height below a
 //! quarter of the pitch) with n > 50 have lobes narrower than the nodes, and their interpolation error says so
 //! (`interpolation_error_warns`). Source: our reading.
@@ -45,13 +45,13 @@ use serde::{Deserialize, Serialize};
 
 pub use angles::AngleNodes;
 pub use polynomial::{Domes, EXPONENTS, Factors};
-pub use table::ERRORS;
 
 use super::goniophotometer::Progress;
+use super::measurement::direction_deg;
 use crate::micro::{CellDescription, CellField};
 use crate::{Error, Result};
 use polynomial::{FIRST, LATER};
-use table::Table;
+use table::{ERRORS, Table};
 use walk::{Part, Sums, View, Walker};
 
 /// Independent repetitions that the errors come from.
@@ -207,10 +207,20 @@ impl CellFactors {
         sum.sqrt()
     }
 
-    /// Standard error by noise of the light that was reflected once, relative, as a root mean square over the table: of
-    /// Lambertian light, and of the lobe's at each rung of the exponents.
-    pub fn noise(&self) -> [f64; ERRORS] {
-        self.first.noise(|first| Factors::new(first, &[0.0; LATER], Vec::new(), 0.0))
+    /// Noise of f_E relative to its value at these coefficients: the root mean square over pairs of directions that fill
+    /// the hemisphere up to 80 degrees.
+    pub fn relative_noise(&self, kd: f64, ks: f64, n: f64) -> f64 {
+        let (mut squares, count) = (0.0, 128);
+        for i in 0..count {
+            // The generalised golden ratio of three dimensions.
+            let [a, b, c] = [0.8192, 0.6710, 0.5497].map(|step: f64| (f64::from(i) * step + 0.5).fract());
+            let (wi, wo) = (direction_deg(80.0 * a.sqrt(), 0.0), direction_deg(80.0 * b.sqrt(), 180.0 * c));
+            let f = self.factors(&[(wi, wo, 1.0)]).eval(kd, ks, n).f;
+            if f > 0.0 {
+                squares += (self.standard_error(wi, wo, kd, ks, n) / f).powi(2);
+            }
+        }
+        f64::sqrt(squares / f64::from(count))
     }
 
     /// Compares the table with walks between its nodes that used the same random numbers.

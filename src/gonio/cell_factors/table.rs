@@ -13,7 +13,7 @@ use super::polynomial::{EXPONENTS, FIRST, Factors, LATER, cubic_form, exponent};
 use super::walk::{PER_ORDER, Sums, View};
 
 /// Errors per pair: of Lambertian light, and of the lobe's at each rung.
-pub const ERRORS: usize = 1 + EXPONENTS;
+pub(super) const ERRORS: usize = 1 + EXPONENTS;
 
 /// Numbers of one part of the light.
 #[derive(Clone, Debug, PartialEq)]
@@ -66,19 +66,6 @@ impl<const W: usize> Table<W> {
             out.iter_mut().zip(node).for_each(|(n, &v)| *n += w.abs() * f64::from(v));
         }
         out
-    }
-
-    /// Root mean square of the errors, relative to that of the values.
-    pub(super) fn noise(&self, factors: impl Fn(&[f64; W]) -> Factors) -> [f64; ERRORS] {
-        let (mut squares, mut values) = ([0.0; ERRORS], [0.0; ERRORS]);
-        for (errors, numbers) in self.errors.chunks_exact(ERRORS).zip(self.numbers.chunks_exact(W)) {
-            let numbers = std::array::from_fn(|k| f64::from(numbers[k]));
-            for (k, value) in references(&factors(&numbers)).into_iter().enumerate() {
-                squares[k] += (f64::from(errors[k]) * value).powi(2);
-                values[k] += value * value;
-            }
-        }
-        std::array::from_fn(|k| if values[k] > 0.0 { f64::sqrt(squares[k] / values[k]) } else { 0.0 })
     }
 }
 

@@ -120,6 +120,30 @@ fn flat_cells_are_closed_forms() {
     }
 }
 
+/// More points, less noise; and the noise that is told is the noise between seeds.
+#[test]
+fn noise_is_what_it_says() {
+    let cells = CellDescription::default();
+    let of =
+        |points, seed| compute(&cells, &FactorSettings { seed, ..settings(points, [8, 6, 7], [5, 4, 4]) });
+    let (few, many) = (of(256, 1), of(4096, 1));
+    assert!(many.relative_noise(0.4, 0.1, 10.0) < 0.5 * few.relative_noise(0.4, 0.1, 10.0));
+    let tables: Vec<CellFactors> = (0..8).map(|seed| of(256, seed)).collect();
+    let (mut told, mut seen) = (0.0, 0.0);
+    for k in 0..30 {
+        let u = |j: u32| hash_to_unit(50 * k + j);
+        let (wi, wo) = (direction_deg(75.0 * u(0), 0.0), direction_deg(75.0 * u(1), 180.0 * u(2)));
+        let values: Vec<f64> =
+            tables.iter().map(|t| t.factors(&[(wi, wo, 1.0)]).eval(0.4, 0.1, 10.0).f).collect();
+        let mean = values.iter().sum::<f64>() / 8.0;
+        seen += values.iter().map(|v| (v / mean - 1.0).powi(2)).sum::<f64>() / 7.0;
+        told += (few.standard_error(wi, wo, 0.4, 0.1, 10.0) / mean).powi(2);
+    }
+    // Never too small; errors of parts are added as if they went together, so it may be too large.
+    let ratio = (told / seen).sqrt();
+    assert!((0.8..3.0).contains(&ratio), "{ratio}");
+}
+
 /// Integral of the table over the hemisphere against walks that leave the domes.
 #[test]
 fn albedo_is_the_goniophotometers() {
@@ -215,14 +239,4 @@ fn stops_when_asked_and_refuses_nonsense() {
     }
     let bad = CellDescription { pitch_um: -1.0, ..cells };
     assert!(CellFactors::compute(&bad, &small().settings, &|_, _| ControlFlow::Continue(())).is_err());
-}
-
-#[test]
-fn scratch_measure() {
-    let get = |k: &str, d: u32| std::env::var(k).map_or(d, |v| v.parse().unwrap());
-    let start = std::time::Instant::now();
-    let t = compute(&CellDescription::default(), &FactorSettings { points: get("PTS", 1 << 14), facets: get("FAC", 256), ..Default::default() });
-    println!("{:?}", start.elapsed());
-    println!("noise {:.4?}", t.noise());
-    println!("interpolation {:.4?}", t.interpolation_error());
 }
