@@ -197,9 +197,9 @@ mod tests {
             let field = CellField::new(&cells).unwrap();
             let facets = Facets::new(&field).unwrap();
             let half = Vec3::new(0.6, 0.0, 0.8);
-            let weight = |normal: DVec3| f64::from(half.dot(normal.as_vec3())).max(0.0).powi(20);
+            let weight = |normal: DVec3| f64::from(half.dot(normal.as_vec3())).max(0.0).powi(40);
             let (mut spread, mut found) = (0.0, 0.0);
-            let n = 1 << 15;
+            let n = 1 << 17;
             for i in 0..n {
                 let mut s = Sampler::new(4, glam::UVec2::ZERO, i);
                 let at = (s.next_2d().as_dvec2() * field.tile_um()).extend(field.max_height_um());

@@ -138,10 +138,14 @@ impl CellFactors {
         let mut replicates = views.iter().zip(sums.chunks_exact(REPLICATES));
         let (mut first, mut later) = (Table::new(settings.first), Table::new(settings.later));
         for (view, sums) in replicates.by_ref().take(settings.first.thetas) {
-            first.push(view, sums, |first| Factors::new(first, &[0.0; LATER], Vec::new(), tail_ratio));
+            first.push(view, sums, |first| {
+                table::references(&Factors::new(first, &[0.0; LATER], Vec::new(), tail_ratio))
+            });
         }
         for (view, sums) in replicates.by_ref().take(settings.later.thetas) {
-            later.push(view, sums, |later| Factors::new(&[0.0; FIRST], later, Vec::new(), tail_ratio));
+            later.push(view, sums, |later| {
+                table::later_references(&Factors::new(&[0.0; FIRST], later, Vec::new(), tail_ratio))
+            });
         }
         let interpolation = InterpolationError { diffuse: 0.0, specular: Vec::new() };
         let mut table =
@@ -193,18 +197,15 @@ impl CellFactors {
         let (mut first, mut later) = ([0.0; FIRST], [0.0; LATER]);
         self.first.add(wi, wo, 1.0, &mut first);
         self.later.add(wi, wo, 1.0, &mut later);
-        let parts = [
-            (Factors::new(&first, &[0.0; LATER], Vec::new(), 0.0), self.first.errors(wi, wo)),
-            (Factors::new(&[0.0; FIRST], &later, Vec::new(), self.tail_ratio), self.later.errors(wi, wo)),
-        ];
-        let sum: f64 = parts
-            .iter()
-            .map(|(part, errors)| {
-                let (all, diffuse) = (part.eval(kd, ks, n).f, part.eval(kd, 0.0, n).f);
-                (diffuse.abs() * errors[0] + (all - diffuse).abs() * errors[1 + k]).powi(2)
-            })
-            .sum();
-        sum.sqrt()
+        let (e_first, e_later) = (self.first.errors(wi, wo), self.later.errors(wi, wo));
+        let once = Factors::new(&first, &[0.0; LATER], Vec::new(), 0.0);
+        let more = Factors::new(&[0.0; FIRST], &later, Vec::new(), self.tail_ratio);
+        let [diffuse, all, later] =
+            [once.eval(kd, 0.0, n), once.eval(kd, ks, n), more.eval(kd, ks, n)].map(|domes| domes.f.abs());
+        let once = diffuse * e_first[0] + (all - diffuse).abs() * e_first[1 + k];
+        let share = if kd + ks > 0.0 { ks / (kd + ks) / table::NOISE_SHARE } else { 0.0 };
+        let more = later * (e_later[0] + share * (e_later[1 + k] - e_later[0]).max(0.0));
+        once.hypot(more)
     }
 
     /// Noise of f_E relative to its value at these coefficients: the root mean square over pairs of directions that fill

@@ -1,7 +1,7 @@
 //! Numbers at the nodes, with their noise.
 //!
 //! A table holds W numbers per pair of directions and, relative, the standard errors of two kinds of light made of them:
-//! Lambertian, and the lobe's at each rung of the exponents. The errors come from the scatter of the replicates.
+//! Lambertian, and with a lobe at each rung of the exponents. The errors come from the scatter of the replicates.
 //!
 //! The light of order one grows towards grazing retro-reflection as 1 / cos(theta_max), so its table holds f_E cos;
 //! later orders stay finite and are held as they are.
@@ -32,18 +32,23 @@ impl<const W: usize> Table<W> {
     }
 
     /// Adds the pairs of one viewing angle.
-    pub(super) fn push(&mut self, view: &View, replicates: &[Sums], factors: impl Fn(&[f64; W]) -> Factors) {
+    pub(super) fn push(
+        &mut self,
+        view: &View,
+        replicates: &[Sums],
+        light: impl Fn(&[f64; W]) -> [f64; ERRORS],
+    ) {
         let (n, tail) = (replicates.len() as f64, tail(replicates));
         for lamp in 0..view.lamps.len() * view.azimuths.len() {
             let scale = if W == FIRST { view.theta.cos() } else { 1.0 };
             let mean = mean::<W>(replicates, lamp, scale);
             self.numbers.extend(mean.iter().map(|&v| v as f32));
             let values: Vec<[f64; ERRORS]> =
-                replicates.iter().map(|r| references(&factors(&part(r, lamp, scale, tail)))).collect();
+                replicates.iter().map(|r| light(&part(r, lamp, scale, tail))).collect();
             for k in 0..ERRORS {
                 let mean = values.iter().map(|v| v[k]).sum::<f64>() / n;
                 let square = values.iter().map(|v| (v[k] - mean).powi(2)).sum::<f64>() / (n * (n - 1.0));
-                self.errors.push(if mean > 0.0 { (square.sqrt() / mean) as f32 } else { 0.0 });
+                self.errors.push(if mean != 0.0 { (square.sqrt() / mean.abs()) as f32 } else { 0.0 });
             }
         }
     }
@@ -74,6 +79,17 @@ pub(super) fn references(factors: &Factors) -> [f64; ERRORS] {
     std::array::from_fn(|k| match k {
         0 => factors.eval(0.5, 0.0, 1.0).f,
         k => factors.eval(0.0, 0.5, exponent(k - 1)).f,
+    })
+}
+
+/// Share of the lobe at which the noise of the later orders is kept.
+pub(super) const NOISE_SHARE: f64 = 0.3;
+
+/// Light of the later orders at kd = 0.5, and at a mixture with each rung.
+pub(super) fn later_references(factors: &Factors) -> [f64; ERRORS] {
+    std::array::from_fn(|k| match k {
+        0 => factors.eval(0.5, 0.0, 1.0).f,
+        k => factors.eval(0.5 * (1.0 - NOISE_SHARE), 0.5 * NOISE_SHARE, exponent(k - 1)).f,
     })
 }
 
