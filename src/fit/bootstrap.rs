@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use super::progress::Steps;
 use super::search::Objective;
-use super::solve::{Solution, solve};
+use super::solve::{Effort, Solution, solve};
 use crate::Result;
 use crate::math::sampler::{hash, hash_to_unit};
 
@@ -52,7 +52,13 @@ pub(crate) fn bootstrap(
                     m + sign * e
                 })
                 .collect();
-            let fit = solve(&objective.residuals_of(&readings), &best.x, (&lower, &upper), &objective.loss);
+            let fit = solve(
+                &objective.residuals_of(&readings),
+                &best.x,
+                (&lower, &upper),
+                &objective.loss,
+                Effort::WARM,
+            );
             steps.done()?;
             Ok((layout.values(&fit.x), fit.evaluations))
         })

@@ -10,12 +10,12 @@
 //!
 //! For a linear model it is the value +- t standard errors. The rise is nearly quadratic, so its root is nearly linear and the
 //! end is found by bracketing and Illinois' rule with at most 100 fits per end, to 1e-6 of the half width; each starts
-//! where the last ended. Guarded by `linear_profiles_are_student_intervals`, `profiles_stop_at_bounds`,
+//! from the line through the minimum and the last fit. Guarded by `linear_profiles_are_student_intervals`, `profiles_stop_at_bounds`,
 //! `profiles_agree_with_lmfit`. Source: Venzon and Moolgavkar 1988, Applied Statistics 37:87.
 
 use super::End;
 use super::search::Objective;
-use super::solve::{Solution, solve};
+use super::solve::{Effort, Solution, solve};
 
 /// Fits on the way out of the minimum, and between the brackets.
 const OUTWARDS: usize = 60;
@@ -29,6 +29,8 @@ pub(crate) struct Profile<'a> {
     pub(crate) best: &'a Solution,
     pub(crate) variable: usize,
     pub(crate) rise: f64,
+    /// How the other variables follow this one near the minimum.
+    pub(crate) direction: Vec<f64>,
     /// Likely half width, if known.
     pub(crate) guess: Option<f64>,
 }
@@ -69,11 +71,12 @@ impl Profile<'_> {
         }
         let guess = self.guess.filter(|g| *g > 0.0).unwrap_or(0.05 * room);
         let mut distance = guess.min(room);
-        let mut warm = self.best.x.clone();
+        // Change of all variables per unit of this one, on this side.
+        let mut follow = self.direction.clone();
         // (distance, root of the relative rise)
         let (mut inner, mut outer) = ((0.0, 0.0), None);
         for _ in 0..OUTWARDS {
-            let u = self.root_of_rise(value + side * distance, &mut warm, met);
+            let u = self.root_of_rise(value + side * distance, &mut follow, met);
             if u > 1.0 {
                 outer = Some((distance, u));
                 break;
@@ -90,7 +93,7 @@ impl Profile<'_> {
         for _ in 0..INWARDS {
             let at = inner.0 + (outer.0 - inner.0) * (fi / (fi - fo));
             let middle = if at > inner.0 && at < outer.0 { at } else { 0.5 * (inner.0 + outer.0) };
-            let f = self.root_of_rise(value + side * middle, &mut warm, met) - 1.0;
+            let f = self.root_of_rise(value + side * middle, &mut follow, met) - 1.0;
             if f.abs() <= TOLERANCE {
                 return End::Limit(value + side * middle);
             }
@@ -109,19 +112,26 @@ impl Profile<'_> {
         End::Limit(value + side * inner.0)
     }
 
-    /// sqrt(rise at the value / rise of the level), all other variables fitted again from `warm`.
-    fn root_of_rise(&self, value: f64, warm: &mut Vec<f64>, met: &mut Ends) -> f64 {
+    /// sqrt(rise at the value / rise of the level), all other variables fitted again from the line `follow`.
+    fn root_of_rise(&self, value: f64, follow: &mut [f64], met: &mut Ends) -> f64 {
         let (mut lower, mut upper) = self.objective.problem.layout.bounds();
         let value = value.clamp(lower[self.variable], upper[self.variable]);
         (lower[self.variable], upper[self.variable]) = (value, value);
+        let change = value - self.best.x[self.variable];
+        if change == 0.0 {
+            return 0.0;
+        }
+        let guess: Vec<f64> = self.best.x.iter().zip(follow.iter()).map(|(x, f)| x + f * change).collect();
         let residuals = self.objective.residuals();
-        let fit = solve(&residuals, warm, (&lower, &upper), &self.objective.loss);
+        let fit = solve(&residuals, &guess, (&lower, &upper), &self.objective.loss, Effort::WARM);
         met.evaluations += fit.evaluations;
         if !fit.cost.is_finite() {
             return 1e6;
         }
+        for ((f, x), best) in follow.iter_mut().zip(&fit.x).zip(&self.best.x) {
+            *f = (x - best) / change;
+        }
         let rise = 2.0 * (fit.cost - self.best.cost);
-        warm.clone_from(&fit.x);
         let known = met.better.as_ref().map_or(self.best.cost, |b| b.cost);
         if fit.cost < known - 1e-9 * self.best.cost {
             met.better = Some(fit);

@@ -265,6 +265,8 @@ impl Layout {
                 target.start = target.start.clamp(target.min, target.max);
             } else if target.start < low || target.start > high {
                 return Err(Error::invalid(name, format!("is out of its bounds with `{root}` held")));
+            } else {
+                self.slots[i].parameter.start = target.start * product;
             }
         }
         Ok(())
@@ -278,16 +280,6 @@ impl Layout {
                 let p = &self.slots[i].parameter;
                 // Bounds of the root already hold; rounding must not leave the model's range.
                 *value = (x[f] * factor).clamp(p.min, p.max);
-            }
-        }
-        // Tied to what is held.
-        for i in 0..self.slots.len() {
-            if self.root[i].is_none() {
-                let (mut at, mut product) = (i, 1.0);
-                while let Role::Tied { to, factor } = self.slots[at].role {
-                    (at, product) = (to, product * factor);
-                }
-                values[i] = self.slots[at].parameter.start * product;
             }
         }
         values

@@ -14,7 +14,7 @@ use super::options::{Covariance, Options};
 use super::problem::Problem;
 use super::progress::{Progress, Steps};
 use super::search::{Found, Objective};
-use super::solve::Residuals;
+use super::solve::{Effort, Residuals};
 use super::summary::{Extras, summary};
 use super::weights::Weighting;
 use super::{Fit, Interval, Model};
@@ -83,7 +83,7 @@ pub fn fit(
             found.evaluations += ends.iter().flatten().map(|e| e.evaluations).sum::<usize>();
             let better = ends.iter().flatten().filter_map(|e| e.better.as_ref());
             let better = better.min_by(|a, b| a.cost.total_cmp(&b.cost));
-            let polished = better.map(|b| objective.solve(&b.x));
+            let polished = better.map(|b| objective.solve(&b.x, Effort::EXACT));
             intervals = ends
                 .iter()
                 .map(|e| e.as_ref().map(|e| Interval { level, low: e.low, high: e.high }))
@@ -132,7 +132,7 @@ fn reweigh(weighting: &Weighting, objective: &mut Objective, found: &mut Found, 
         let change =
             weights.iter().zip(&objective.weights).map(|(a, b)| (a / b - 1.0).abs()).fold(0.0, f64::max);
         objective.weights = weights;
-        let next = objective.solve(&found.best.x);
+        let next = objective.solve(&found.best.x, Effort::EXACT);
         found.evaluations += next.evaluations;
         found.best = next;
         if change < 1e-9 {
@@ -168,11 +168,13 @@ fn profiles(
             let h = uncertainty.inverse[(variable, variable)];
             let c = uncertainty.covariance.as_ref().map_or(0.0, |c| c[(variable, variable)]);
             let determined = uncertainty.knowledge[variable] == Knowledge::Determined && h > 0.0;
+            let column = uncertainty.inverse.column(variable);
             let profile = Profile {
                 objective,
                 best: &found.best,
                 variable,
                 rise: t * t * if determined { c / h } else { variance },
+                direction: column.iter().map(|c| if determined { c / h } else { 0.0 }).collect(),
                 guess: uncertainty.standard_error(variable).map(|s| t * s),
             };
             let ends = profile.ends();

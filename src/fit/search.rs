@@ -2,7 +2,7 @@
 //!
 //! Each search starts with shapes set and gains 1, finds the coefficients by non-negative least squares of the
 //! derivatives at zero coefficients (gains then follow by one linear step each, and the coefficients once more), and ends
-//! with Levenberg-Marquardt over everything. The first start has the parameters' own starts; the others spread
+//! with Levenberg-Marquardt over everything; the best is continued to rounding. The first start has the parameters' own starts; the others spread
 //! evenly between the bounds of the shapes (in the logarithm where the parameter says so) by the additive recurrence of
 //! the generalised golden ratio, which has no clusters in any number of dimensions; the seed moves all of them. Searches
 //! run in parallel and do not know of each other. Guarded by `several_starts_find_the_deeper_minimum`.
@@ -15,7 +15,7 @@ use super::nnls::nnls;
 use super::parameters::Layout;
 use super::problem::{Problem, Weighted};
 use super::progress::Steps;
-use super::solve::{Residuals, Solution, solve};
+use super::solve::{Effort, Residuals, Solution, solve};
 use crate::math::sampler::{hash, hash_to_unit};
 use crate::{Error, Result};
 
@@ -51,9 +51,9 @@ impl Objective<'_> {
     }
 
     /// One search from a full start.
-    pub(crate) fn solve(&self, x: &[f64]) -> Solution {
+    pub(crate) fn solve(&self, x: &[f64], effort: Effort) -> Solution {
         let (lower, upper) = self.problem.layout.bounds();
-        solve(&self.residuals(), x, (&lower, &upper), &self.loss)
+        solve(&self.residuals(), x, (&lower, &upper), &self.loss, effort)
     }
 
     /// Searches from `count` starts.
@@ -66,7 +66,7 @@ impl Objective<'_> {
             .enumerate()
             .map(|(i, mut x)| {
                 self.linear_start(&mut x, i == 0);
-                let end = self.solve(&x);
+                let end = self.solve(&x, Effort::ROUGH);
                 steps.done().map(|()| (x, end))
             })
             .collect::<Result<Vec<(Vec<f64>, Solution)>>>()?;
@@ -75,14 +75,14 @@ impl Objective<'_> {
             return Err(Error::invalid("fit", "the model gives no finite values at any start"));
         }
         let same = |e: &Solution| e.cost <= least * (1.0 + SAME_MINIMUM) + self.residuals().floor();
-        let evaluations = ends.iter().map(|(_, e)| e.evaluations).sum();
+        let evaluations: usize = ends.iter().map(|(_, e)| e.evaluations).sum();
         let (starts, agreeing) = (ends.len(), ends.iter().filter(|(_, e)| same(e)).count());
-        // The first of the best, converged ones before others: the same whatever finishes first.
-        let near = |e: &Solution| e.cost <= least * (1.0 + 1e-12) + self.residuals().floor();
-        let winner = ends.iter().position(|(_, e)| near(e) && e.converged);
-        let winner = winner.or_else(|| ends.iter().position(|(_, e)| near(e))).unwrap_or(0);
-        let (start, best) = ends.into_iter().nth(winner).ok_or(Error::Cancelled)?;
-        Ok(Found { best, start, evaluations, starts, agreeing })
+        // The first of those that agree, converged ones before others: the same whatever finishes first.
+        let winner = ends.iter().position(|(_, e)| same(e) && e.converged);
+        let winner = winner.or_else(|| ends.iter().position(|(_, e)| same(e))).unwrap_or(0);
+        let (start, end) = ends.into_iter().nth(winner).ok_or(Error::Cancelled)?;
+        let best = self.solve(&end.x, Effort::EXACT);
+        Ok(Found { evaluations: evaluations + best.evaluations, best, start, starts, agreeing })
     }
 
     /// Coefficients and gains of a start whose shapes are set; `keep` those that the user gave.

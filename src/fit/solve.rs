@@ -6,7 +6,7 @@
 //! step would carry through a bound stop there and the others are solved again. The damping falls where the
 //! quadratic model foretells the gain and rises where a step fails. Systems are solved by QR, never through J^T J.
 //!
-//! It ends where no gradient is left (cosine between residual and every free column below 1e-15), where steps or
+//! The exact search ends where no gradient is left (cosine between residual and every free column below 1e-15), where steps or
 //! the sum of squares fall below rounding, or after 1000 steps. Near rounding, where sums of squares can no longer be
 //! compared, steps continue while that cosine falls: parameters are found to about 1e-9 of their standard errors.
 //! Limits: a local minimum, guarded by `valleys_and_bounds`; values that are not finite count as infinitely bad, guarded
@@ -23,6 +23,23 @@ const ROUNDING: f64 = 1e-12;
 
 /// Least curvature of a robust loss, as a share of its slope.
 const CURVATURE: f64 = 0.1;
+/// How a search begins and ends.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Effort {
+    /// Damping of the first step.
+    damping: f64,
+    /// It ends where a nearly undamped step promises less than this share of the cost.
+    stop: f64,
+}
+
+impl Effort {
+    /// From anywhere, to be continued by `EXACT`.
+    pub(crate) const ROUGH: Effort = Effort { damping: 1e-3, stop: 1e-8 };
+    /// From near the minimum, as well as intervals need.
+    pub(crate) const WARM: Effort = Effort { damping: 1e-8, stop: 1e-10 };
+    /// To rounding.
+    pub(crate) const EXACT: Effort = Effort { damping: 1e-3, stop: 0.0 };
+}
 
 /// What can be fitted.
 pub(crate) trait Residuals: Sync {
@@ -56,6 +73,7 @@ pub(crate) fn solve(
     start: &[f64],
     (lower, upper): (&[f64], &[f64]),
     loss: &ScaledLoss,
+    effort: Effort,
 ) -> Solution {
     let n: usize = problem.groups().iter().map(Vec::len).sum();
     let k = start.len();
@@ -75,9 +93,9 @@ pub(crate) fn solve(
     }
     let mut trial = at.clone();
     let mut longest = vec![0.0f64; k];
-    let mut damping = 1e-3;
+    let mut damping = effort.damping;
     let mut linear = Linear::new(problem, &at, loss, (lower, upper));
-    for _ in 0..MAX_STEPS {
+    'steps: for _ in 0..MAX_STEPS {
         if at.cost <= problem.floor() || linear.cosine <= 1e-15 {
             at.converged = true;
             break;
@@ -99,6 +117,10 @@ pub(crate) fn solve(
                 break;
             }
             let expected = linear.gain(&taken);
+            if damping <= 1e-4 && expected >= 0.0 && expected < effort.stop * at.cost {
+                at.converged = true;
+                break 'steps;
+            }
             if expected > 0.0 {
                 problem.eval(&trial.x, &mut trial.residuals, &mut trial.jacobian);
                 trial.cost = cost(loss, &trial);
@@ -312,7 +334,7 @@ mod tests {
     fn end(system: System, start: &[f64], lower: &[f64], upper: &[f64]) -> Solution {
         let n = system(start).0.len();
         let test = Test { system, groups: vec![(0..n / 2).collect(), (n / 2..n).collect()] };
-        let end = solve(&test, start, (lower, upper), &ScaledLoss::LINEAR);
+        let end = solve(&test, start, (lower, upper), &ScaledLoss::LINEAR, Effort::EXACT);
         for i in 0..start.len() {
             assert!(end.x[i] >= lower[i] && end.x[i] <= upper[i], "{:?}", end.x);
         }

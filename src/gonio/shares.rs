@@ -4,9 +4,8 @@
 //!
 //! share_i = integral over the hemisphere of \[reading i is the nearest, and the direction is covered\] |cos theta| dw, sr
 //!
-//! |cos theta| dw is the area of the direction's projection on the sample, so equal squares of the unit disc are
-//! directions of equal weight; each is given to the nearest reading among those of one lamp direction, series,
-//! band and side. Readings of one half of the azimuth stand for both: they are mirrored at the plane of incidence.
+//! The hemisphere is cut into cells of known projected solid angle, about a ninth of the readings' distance wide; each is
+//! given to the reading nearest to its middle among those of one lamp direction, series, band and side. Readings of one half of the azimuth stand for both: they are mirrored at the plane of incidence.
 //! Readings of one direction share its region. With h the median distance of nearest neighbours, a direction is
 //! covered where a reading lies within h / 2, or where it lies *between* two readings (seen from it more than 90 deg
 //! apart) of which the nearest is within 3 h / 2. What lies beyond the outermost readings so carries no weight. Our
@@ -17,7 +16,7 @@
 //! and none less than 1/1000 of the mean, guarded by `every_reading_has_a_share`.
 
 use std::collections::HashMap;
-use std::f64::consts::PI;
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -28,8 +27,12 @@ use super::measurement::Measurement;
 const LONE_SPACING_DEG: f64 = 10.0;
 /// Directions closer than this are one.
 const SAME: f64 = 1e-6;
-/// Squares across the disc.
-const SQUARES: i32 = 160;
+/// Width of the cells that are given to the readings, of the distance of the readings.
+const CELLS_PER_SPACING: f64 = 9.0;
+/// Cells around the normal: grids in theta and phi are dense there.
+const LEAST_CELLS: f64 = 90.0;
+/// The golden ratio's fraction.
+const GOLDEN: f64 = 0.618_033_988_749_895;
 /// Least share of a reading, of the mean of its set.
 const LEAST: f64 = 1e-3;
 
@@ -93,28 +96,36 @@ fn shares(wi: DVec3, wo: &[DVec3]) -> Vec<f64> {
             at
         })
         .collect();
-    let sites = sites(&directions);
+    let (sites, mirrored) = sites(&directions);
     let h = spacing(&sites);
     let mut area = vec![0.0; directions.len()];
-    let step = 2.0 / f64::from(SQUARES);
-    for i in 0..SQUARES {
-        for j in 0..SQUARES {
-            let (x, y) = ((f64::from(i) + 0.5) * step - 1.0, (f64::from(j) + 0.5) * step - 1.0);
-            let z2 = 1.0 - x * x - y * y;
-            if z2 > 0.0
-                && let Some(owner) = owner_of(DVec3::new(x, y, z2.sqrt()), &sites, h)
-            {
-                area[owner] += step * step;
+    // Rings of equal width, cut into cells about as wide as high; half of each where the other half mirrors it.
+    let rings = (FRAC_PI_2 * CELLS_PER_SPACING / h).clamp(45.0, 180.0).ceil();
+    let width = FRAC_PI_2 / rings;
+    for ring in 0..rings as usize {
+        let theta = (ring as f64 + 0.5) * width;
+        let (sin, cos) = theta.sin_cos();
+        let belt = near(theta, &sites, 2.0 * h);
+        let (turn, times) = if mirrored { (PI, 2.0) } else { (TAU, 1.0) };
+        let cells = (turn * sin / width).max(LEAST_CELLS * turn / TAU).ceil();
+        // sin^2 t1 - sin^2 t0 = sin(t0 + t1) sin(t1 - t0).
+        let cell = times * turn / cells * 0.5 * (2.0 * theta).sin() * width.sin();
+        // Rings are turned against each other, or cells and readings fall into step.
+        let offset = (0.5 + ring as f64 * GOLDEN).fract();
+        for i in 0..cells as usize {
+            let (y, x) = ((i as f64 + offset) * turn / cells).sin_cos();
+            if let Some(owner) = owner_of(DVec3::new(sin * x, sin * y, cos), belt, h) {
+                area[owner] += cell;
             }
         }
     }
-    // A lone direction's region may be smaller than a square.
-    let mean = (area.iter().sum::<f64>() / wo.len() as f64).max(step * step / wo.len() as f64);
+    // Lone directions may be missed by all cells.
+    let mean = (area.iter().sum::<f64>() / wo.len() as f64).max(width * width / wo.len() as f64);
     owner.iter().map(|&d| (area[d] / directions[d].1).max(LEAST * mean)).collect()
 }
 
-/// The directions, mirrored where they lie on one side of the plane of incidence only, by rising theta.
-fn sites(directions: &[(DVec3, f64)]) -> Vec<Site> {
+/// The directions by rising theta, mirrored where they lie on one side of the plane of incidence only; were they?
+fn sites(directions: &[(DVec3, f64)]) -> (Vec<Site>, bool) {
     let site = |w: DVec3, owner| Site { w, theta: w.x.hypot(w.y).atan2(w.z), owner };
     let mut sites: Vec<Site> = directions.iter().enumerate().map(|(i, d)| site(d.0, i)).collect();
     let one_side = [1.0, -1.0].iter().any(|side| directions.iter().all(|(w, _)| w.y * side > -1e-4));
@@ -123,7 +134,7 @@ fn sites(directions: &[(DVec3, f64)]) -> Vec<Site> {
         sites.extend(mirrored.map(|(i, (w, _))| site(DVec3::new(w.x, -w.y, w.z), i)));
     }
     sites.sort_by(|a, b| a.theta.total_cmp(&b.theta));
-    sites
+    (sites, one_side)
 }
 
 /// Sites whose theta differs from `theta` by at most `limit` radians: all that are nearer than it are among them.
@@ -133,11 +144,6 @@ fn near(theta: f64, sites: &[Site], limit: f64) -> &[Site] {
     &sites[first..last]
 }
 
-/// Angle between unit vectors, radians.
-fn angle(a: DVec3, b: DVec3) -> f64 {
-    2.0 * (0.5 * a.distance(b)).min(1.0).asin()
-}
-
 /// Median distance of nearest neighbours, radians.
 fn spacing(sites: &[Site]) -> f64 {
     let nearest_to = |site: &Site| {
@@ -145,10 +151,14 @@ fn spacing(sites: &[Site]) -> f64 {
         let mut limit = 0.02;
         loop {
             let belt = near(site.theta, sites, limit);
-            let distances = belt.iter().map(|o| angle(site.w, o.w)).filter(|d| *d > SAME);
-            let best = distances.fold(f64::INFINITY, f64::min);
-            if best <= limit || limit > PI {
+            let chords = belt.iter().map(|o| site.w.distance(o.w)).filter(|d| *d > SAME);
+            let chord = chords.fold(f64::INFINITY, f64::min);
+            let best = if chord.is_finite() { 2.0 * (0.5 * chord).min(1.0).asin() } else { f64::INFINITY };
+            if best <= limit {
                 return best;
+            }
+            if limit > PI {
+                return f64::INFINITY;
             }
             limit *= 2.0;
         }
@@ -158,15 +168,23 @@ fn spacing(sites: &[Site]) -> f64 {
     nearest.get(nearest.len() / 2).copied().unwrap_or(LONE_SPACING_DEG.to_radians())
 }
 
-/// The direction that a point of the hemisphere belongs to, if it is covered.
-fn owner_of(w: DVec3, sites: &[Site], h: f64) -> Option<usize> {
-    let belt = near(w.x.hypot(w.y).atan2(w.z), sites, 2.0 * h);
-    let nearest = belt.iter().map(|s| (angle(w, s.w), s)).min_by(|a, b| a.0.total_cmp(&b.0));
-    let (distance, a) = nearest.filter(|n| n.0 <= 1.5 * h)?;
-    // Tangents from w towards the sites.
-    let along = |v: DVec3| v - w * w.dot(v);
-    let between = || belt.iter().any(|b| angle(w, b.w) <= 2.0 * h && along(b.w).dot(along(a.w)) < 0.0);
-    (distance <= 0.5 * h || between()).then_some(a.owner)
+/// The direction that a point of the hemisphere belongs to, if it is covered; `belt` has all within 2 h. Angles are compared by their cosines.
+fn owner_of(w: DVec3, belt: &[Site], h: f64) -> Option<usize> {
+    let (mut cosine, mut nearest) = (f64::NEG_INFINITY, None);
+    for site in belt {
+        let c = w.dot(site.w);
+        if c > cosine {
+            (cosine, nearest) = (c, Some(site));
+        }
+    }
+    let a = nearest.filter(|_| cosine >= (1.5 * h).min(PI).cos())?;
+    let farthest = (2.0 * h).min(PI).cos();
+    // The tangents at w towards a and b are more than 90 deg apart.
+    let between = |b: &Site| {
+        let c = w.dot(b.w);
+        c >= farthest && a.w.dot(b.w) < cosine * c
+    };
+    (cosine >= (0.5 * h).min(PI).cos() || belt.iter().any(between)).then_some(a.owner)
 }
 
 #[cfg(test)]
