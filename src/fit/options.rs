@@ -20,7 +20,8 @@ pub enum Weights {
 /// Where standard errors come from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Covariance {
-    /// From the scatter of the residuals: the inverse Hessian times the reduced chi2.
+    /// From the scatter of the residuals: the inverse Hessian times the reduced chi2. With a robust loss outliers still
+    /// count in that chi2, as in lmfit: `Sandwich` is sharper there.
     #[default]
     Scaled,
     /// Sigmas are true: the inverse Hessian itself.

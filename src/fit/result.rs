@@ -63,7 +63,8 @@ pub struct Fitted {
     pub band: Option<usize>,
     /// Best value.
     pub value: f64,
-    /// One standard deviation; `None` where it was not varied, is at a bound, or is not determined.
+    /// One standard deviation; `None` where it was not varied, is at a bound, or is not determined. Errors and
+    /// intervals of a tied parameter are those of what it is tied to, times the factor.
     pub standard_error: Option<f64>,
     /// Where the winning search started.
     pub start: f64,
