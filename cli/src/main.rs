@@ -61,7 +61,7 @@ struct Global {
 enum Command {
     Render(render::Args),
     Measure(measure::Args),
-    Fit(fit::Args),
+    Fit(Box<fit::Args>),
     Convert(convert::Args),
     Plot(plot::Args),
     Cells(cells::Args),
