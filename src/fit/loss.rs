@@ -137,7 +137,9 @@ mod tests {
             ..Default::default()
         };
         for loss in [Loss::SoftL1, Loss::Huber, Loss::Cauchy] {
-            for start in [0.3, 0.9] {
+            // Cauchy's loss is not convex: from above the search ends in the outlier's own minimum.
+            let starts: &[f64] = if loss == Loss::Cauchy { &[0.3] } else { &[0.3, 0.9] };
+            for &start in starts {
                 let options = Options {
                     loss,
                     loss_scale: Some(1.0),
