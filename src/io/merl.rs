@@ -12,7 +12,7 @@
 //! Writing evaluates at the middle of each cell, the mean of the two orders of the directions; a cell that the
 //! horizon cuts takes the mean over its corners above it. Guarded by `cells_are_where_the_format_says`,
 //! `written_values_are_read_back` and `damaged_files_are_errors`.
-//! Source: [Matusik2003].
+//! Source: Matusik2003.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 

@@ -4,7 +4,7 @@
 //! file's conventions, and options given by the caller win over them. Then a line of column names and one row per
 //! direction (one column per band) or per direction and band (a column of wavelengths or band names). The delimiter is the
 //! comma, or the semicolon (with decimal commas) or tab where the names have more of those. Tables of
-//! [`gonio_csv`](super::gonio_csv) are read too.
+//! [`gonio_csv`] are read too.
 //!
 //! A value that is missing is skipped and counted in the notes; anything else that is not a finite number, a negative
 //! value, an angle out of range is an error with its line (`malformed_files_name_the_line`). What was written is read

@@ -8,7 +8,7 @@
 //! Linear in all four angles, the azimuths around the circle; beyond 75 deg the value at 75 deg is held. Guarded by
 //! `values_are_in_the_formats_order`, `between_nodes_it_is_linear_and_beyond_75_deg_held` and
 //! `damaged_files_are_errors`.
-//! Source: [Filip2014].
+//! Source: Filip2014.
 
 use glam::DVec3;
 

@@ -18,7 +18,7 @@
 //! Limits: reflection of the adaxial side. Files of one or two lamp azimuths are isotropic; of a half or a quarter turn,
 //! the lamp is mirrored into it. The cosine is divided out, so that next to the horizon (cos < 1e-4) values are held
 //! down; negative values count as zero. Guarded by `evaluates_the_published_formula`, `half_and_quarter_turns_are_mirrored`
-//! and `damaged_files_are_errors`; against Mitsuba by `scripts/foreign_rgl.py`. Source: [Dupuy2018].
+//! and `damaged_files_are_errors`; against Mitsuba by `scripts/foreign_rgl.py`. Source: Dupuy2018.
 
 mod table;
 mod tensor;
