@@ -28,6 +28,7 @@ pub mod interpolant;
 pub mod one_sided;
 pub mod cell_factors;
 pub mod cell_family;
+pub mod petal_optics;
 
 pub use cell_factors::{CellFactors, FactorSettings};
 pub use cell_family::CellFamily;
@@ -37,6 +38,7 @@ pub use grid::{ExitantGrid, PlaneScan};
 pub use interpolant::Interpolant;
 pub use measurement::{Band, Measurement, Reading, Scale};
 pub use one_sided::OneSided;
+pub use petal_optics::{AngleGrid, AngularTable, Part, PetalOptics, WhiteTotals};
 pub use plane::Plane;
 pub use readings::{merge, sample};
 pub use table::{Estimate, GonioTable, Incidence, Ledger, Totals};

@@ -1,9 +1,10 @@
-//! Pure numerics: frames, warps with their densities, the sample sequence, quadrature, equations and
+//! Pure numerics: frames, warps with their densities, random sequences, quadrature, equations and
 //! statistics.
 
 pub mod frame;
 pub mod warp;
 pub mod sampler;
+pub mod stream;
 pub mod quadrature;
 pub mod special;
 pub mod solve;
@@ -11,3 +12,4 @@ pub mod stats;
 
 pub use frame::Frame;
 pub use sampler::Sampler;
+pub use stream::Stream;

@@ -29,8 +29,12 @@ pub mod height_field;
 pub mod tile_mesh;
 pub mod transmission;
 pub mod shading;
+pub mod tissue;
+pub mod white;
 
 pub use description::CellDescription;
 pub use dome::{Dome, Profile};
 pub use height_field::{CellField, CellHit, HitKind};
 pub use lattice::{Lattice, VoronoiCell, VoronoiEdge};
+pub use tissue::{REGIONS, Tissue, TissueDescription};
+pub use white::{End, Exit, WhiteScatter};

@@ -15,9 +15,11 @@ pub mod color;
 pub mod rgb_basis;
 pub mod upsample;
 pub mod pigment;
+pub mod pigments;
 
 pub use illuminant::Illuminant;
 pub use observer::Observer;
+pub use pigments::Pigments;
 pub use rgb_basis::{RgbBasis, emission_from_rgb};
 pub use sampled::{LANES, SampledSpectrum, SampledWavelengths, VISIBLE_NM};
 pub use spectra::Spectrum;
