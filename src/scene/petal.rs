@@ -12,9 +12,9 @@ use super::color::reflectance;
 use super::description::{LayerDescription, PetalDescription, ShadingModel};
 use super::key::Key;
 use crate::Result;
-use crate::micro::CellField;
 use crate::micro::shading::{CellPetal, Layer};
 use crate::micro::transmission::{TransmissionLobe, Way};
+use crate::micro::{CellField, Tissue};
 use crate::spectrum::Spectrum;
 use crate::spectrum::pigment::{MAX_UG_PER_CM2, anthocyanin_transmittance};
 
@@ -27,6 +27,14 @@ pub fn preset(name: &str) -> Option<&'static str> {
 }
 
 impl PetalDescription {
+    /// The layers, checked and built; `None` where the petal is shaded by coefficients. `at` as in
+    /// [`PetalDescription::compile`].
+    pub fn build_tissue(&self, at: &str) -> Result<Option<Tissue>> {
+        let key = if at.is_empty() { Key::new("tissue") } else { Key::new(at).at("tissue") };
+        let build = |t: &_| Tissue::new(t, &self.cells, &key.to_string());
+        self.tissue.as_ref().map(build).transpose()
+    }
+
     /// Checks and builds the petal. Errors name the key below `at` (empty for a petal file, `petal` in a scene).
     pub fn compile(&self, at: &str, assets: &dyn Assets) -> Result<CellPetal> {
         let root = |name: &str| if at.is_empty() { Key::new(name) } else { Key::new(at).at(name) };

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::SpectrumDescription;
-use crate::micro::CellDescription;
+use crate::micro::{CellDescription, TissueDescription};
 
 /// `[petal]`: the thesis' petal, whose light comes from points of its cells.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -17,6 +17,9 @@ pub struct PetalDescription {
     pub cells: CellDescription,
     /// Coefficients of the light that leaves each layer.
     pub shading: ShadingDescription,
+    /// Layers that light walks through. Where they are given they take the place of `shading`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tissue: Option<TissueDescription>,
 }
 
 /// Which layers shade the petal.
@@ -98,7 +101,12 @@ impl Default for TransmissionDescription {
 
 impl Default for PetalDescription {
     fn default() -> Self {
-        Self { samples: 4, cells: CellDescription::default(), shading: ShadingDescription::default() }
+        Self {
+            samples: 4,
+            cells: CellDescription::default(),
+            shading: ShadingDescription::default(),
+            tissue: None,
+        }
     }
 }
 
