@@ -30,6 +30,8 @@ pub mod tile_mesh;
 pub mod transmission;
 pub mod shading;
 pub mod tissue;
+pub mod wall;
+pub mod rough_wall;
 pub mod white;
 
 pub use description::CellDescription;
@@ -37,4 +39,5 @@ pub use dome::{Dome, Profile};
 pub use height_field::{CellField, CellHit, HitKind};
 pub use lattice::{Lattice, VoronoiCell, VoronoiEdge};
 pub use tissue::{REGIONS, Tissue, TissueDescription};
+pub use wall::Wall;
 pub use white::{End, Exit, WhiteScatter};

@@ -25,6 +25,9 @@
 //! | n | `index` | | 1.35 (cells touch the epidermis without air; our reading) |
 //! | mu_s | `scattering_per_mm` | 1/mm | |
 //! | g | `anisotropy` | | |
+//! | mu_0 | `absorption_per_mm` | 1/mm | 0: the pigments absorb alone |
+//!
+//! Absorption of a region is `mu_0` (of all wavelengths alike: a made slab, a grey filter) plus that of its pigments.
 //!
 //! Limits: indices 1 to 3, at least one layer (`contradictions_are_named`).
 
@@ -78,6 +81,8 @@ pub struct EpidermisDescription {
     /// Striations of the outer wall: Beckmann's alpha (root mean square slope times sqrt 2) of a microfacet surface,
     /// 0 to 1. Default 0: smooth.
     pub roughness: f64,
+    /// Absorption coefficient of all wavelengths alike, beside the pigments', 1/mm, 0 to 1e5. Default 0.
+    pub absorption_per_mm: f64,
     /// Pigments in the vacuoles.
     pub pigments: Pigments,
 }
@@ -90,6 +95,7 @@ impl Default for EpidermisDescription {
             wall_index: 1.425,
             vacuole_index: 1.35,
             roughness: 0.0,
+            absorption_per_mm: 0.0,
             pigments: Pigments::default(),
         }
     }
@@ -108,6 +114,9 @@ pub struct SlabDescription {
     pub scattering_per_mm: f64,
     /// Mean cosine of the scattering angle (Henyey-Greenstein), -0.99 to 0.99.
     pub anisotropy: f64,
+    /// Absorption coefficient of all wavelengths alike, beside the pigments', 1/mm, 0 to 1e5. Default 0.
+    #[serde(default)]
+    pub absorption_per_mm: f64,
     /// Pigments in the layer. Default none.
     #[serde(default)]
     pub pigments: Pigments,
@@ -158,6 +167,8 @@ pub struct Tissue {
     pub abaxial: Option<Epidermis>,
     /// Volume per area of each region, um; zero where it does not exist.
     pub depth_um: [f64; REGIONS],
+    /// Absorption coefficient of each region beside its pigments', 1/um.
+    pub grey_per_um: [f64; REGIONS],
     /// Pigments of each region.
     pub pigments: [Pigments; REGIONS],
 }
@@ -210,15 +221,22 @@ impl Tissue {
         for (p, name) in pigments.iter().zip(REGION_NAMES) {
             p.validate(&format!("{at}.{name}.pigments"))?;
         }
-        Ok(Self { adaxial, slabs, abaxial, depth_um, pigments })
+        let of = |e: &Option<EpidermisDescription>| e.as_ref().map_or(0.0, |e| e.absorption_per_mm);
+        let slab = |s: &Option<SlabDescription>| s.as_ref().map_or(0.0, |s| s.absorption_per_mm);
+        let grey_per_mm = [of(&d.adaxial), slab(&d.palisade), slab(&d.spongy), of(&d.abaxial)];
+        for (mu, name) in grey_per_mm.iter().zip(REGION_NAMES) {
+            within(&format!("{at}.{name}"), "absorption_per_mm", *mu, 0.0, 1e5, " 1/mm")?;
+        }
+        let grey_per_um = grey_per_mm.map(|mu| mu * 1e-3);
+        Ok(Self { adaxial, slabs, abaxial, depth_um, grey_per_um, pigments })
     }
 
     /// Absorption coefficients of the regions at one wavelength, 1/um. Errors where a pigment has no data there.
     pub fn absorption_per_um(&self, wavelength_nm: f64) -> Result<[f64; REGIONS]> {
-        let mut mu = [0.0; REGIONS];
+        let mut mu = self.grey_per_um;
         for (r, mu) in mu.iter_mut().enumerate() {
             if self.depth_um[r] > 0.0 {
-                *mu = self.pigments[r].absorption_per_um(self.depth_um[r], wavelength_nm)?;
+                *mu += self.pigments[r].absorption_per_um(self.depth_um[r], wavelength_nm)?;
             }
         }
         Ok(mu)
@@ -333,6 +351,11 @@ mod tests {
             ("[adaxial.cells]\npitch_um = 23.0", "tissue.adaxial.cells"),
             ("[abaxial.cells]\npitch_um = -1.0", "tissue.abaxial.cells.pitch_um"),
             ("[abaxial]\nroughness = 2.0", "tissue.abaxial.roughness"),
+            ("[abaxial]\nabsorption_per_mm = -1.0", "tissue.abaxial.absorption_per_mm"),
+            (
+                "[spongy]\nthickness_um = 9.0\nscattering_per_mm = 1.0\nanisotropy = 0.0\nabsorption_per_mm = nan",
+                "tissue.spongy.absorption_per_mm",
+            ),
             (
                 "[abaxial.pigments]\nanthocyanin_ug_per_cm2 = -3.0",
                 "tissue.abaxial.pigments.anthocyanin_ug_per_cm2",
@@ -371,5 +394,18 @@ mod tests {
         assert_eq!((t.depth_um[1], t.depth_um[2], t.depth_um[3]), (0.0, 0.0, 9.0));
         let mu = t.absorption_per_um(550.0).expect("known");
         assert_eq!(mu, [0.0; REGIONS]);
+    }
+
+    #[test]
+    fn grey_absorption_adds_to_the_pigments() {
+        let slab = "[spongy]\nthickness_um = 100.0\nscattering_per_mm = 1.0\nanisotropy = 0.0\n";
+        let mu = |text: &str| build(text).and_then(|t| t.absorption_per_um(540.0)).expect("known");
+        let pigment = "[adaxial]\npigments = { anthocyanin_ug_per_cm2 = 5.0 }\n";
+        let without = mu(&format!("{pigment}{slab}"));
+        let with =
+            mu(&format!("{pigment}absorption_per_mm = 3.0\n{slab}absorption_per_mm = 7.0\n[abaxial]\n"));
+        assert!(without[0] > 0.0 && without[2] == 0.0);
+        assert!((with[0] - without[0] - 0.003).abs() < 1e-12, "{with:?} {without:?}");
+        assert_eq!(with[1..], [0.0, 0.007, 0.0]);
     }
 }
