@@ -1,155 +1,123 @@
-//! A smooth cell wall: a thin plate between two media, at which light is reflected or refracted.
+//! A wall between two media: what it reflects, and where the rest goes on.
 //!
-//! Model: plane parallel plate without interference. Per polarisation, with Fresnel's reflectances of its two faces,
-//! all orders of reflection inside it add up:
+//! Model: a cell's wall is a plate of index n_w between media of index n_1 and n_2, thin against a cell and thick against
+//! the coherence of sunlight. Each face reflects by Fresnel's equations; the light between the faces is summed
+//! incoherently, for each polarisation apart; light is unpolarised:
 //!
 //! ```text
-//! R = (R1 + R2 - 2 R1 R2) / (1 - R1 R2),   n_o sin(theta_o) = n_w sin(theta_w) = n_i sin(theta_i)
+//! R = 1/2 sum over polarisations of (r_1 + r_2 - 2 r_1 r_2) / (1 - r_1 r_2),     n_1 sin_1 = n_w sin_w = n_2 sin_2
 //! ```
 //!
-//! and the mean of both polarisations counts; where one face reflects totally R = 1. The plate shifts no ray: light goes on
-//! by Snell's law between the two media.
+//! Where one of the sines would exceed one the wall reflects all light. The way within the wall is neglected: light leaves it
+//! where it entered it. With n_w = n_2 the wall is a single face.
 //!
-//! | symbol | field | unit | default |
-//! |---|---|---|---|
-//! | n_o | `outer_index` | | |
-//! | n_w | `wall_index` | | |
-//! | n_i | `inner_index` | | |
+//! | symbol | field |
+//! |---|---|
+//! | n_1, n_w, n_2 | `outer_index`, `wall_index`, `inner_index` |
 //!
-//! Limits: polarisation is forgotten at each wall; walls are thicker than light is coherent for and thinner than they shift
-//! rays (our reading: cell walls of 0.3 to 3 um whose thickness varies). Guarded by `plate_agrees_with_its_faces`,
-//! `both_ways_alike`. Source: Born and Wolf, Principles of Optics, 1.5.2 (Fresnel) and 1.6.4 (plate).
+//! Limits: reflection is the same from both sides at conjugate angles (`wall_is_reciprocal`), a matched wall is not there,
+//! (`matched_wall_is_not_there`); waves that tunnel through a thin wall beyond the critical angle are left out.
+//! Sources: Fresnel; the sum over a plate's faces is textbook optics (Born and Wolf, section 7.6, without interference).
 
-use glam::DVec3;
-
-/// A plate of index `wall_index` between an outer and an inner medium.
+/// Indices of refraction across a wall.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wall {
-    /// Index of the outer medium.
+    /// Medium on the side that the normal points to.
     pub outer_index: f64,
-    /// Index of the plate.
+    /// The wall.
     pub wall_index: f64,
-    /// Index of the inner medium.
+    /// Medium on the other side.
     pub inner_index: f64,
 }
 
+/// What happens to light that meets a wall under some angle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Meeting {
+    /// Share that is reflected, 0 to 1.
+    pub reflectance: f64,
+    /// Cosine, from the wall's normal, of the light that passes; 0 where none does.
+    pub cos_through: f64,
+    /// Index here over index beyond: what the tangential part of the direction is multiplied by.
+    pub index_ratio: f64,
+}
+
 impl Wall {
-    /// The same wall seen from within: the media change places.
-    pub fn turned(&self) -> Self {
-        Self { outer_index: self.inner_index, wall_index: self.wall_index, inner_index: self.outer_index }
-    }
-
-    /// Share of unpolarised light from the outer medium that is reflected. `cos` is that of its angle to the normal, 0 to 1.
-    pub fn reflectance(&self, cos: f64) -> f64 {
-        let outer = self.outer_index * cos;
-        // (n cos)^2 = n^2 - (n sin)^2 in each medium, the last term common to all.
-        let sin2 = self.outer_index * self.outer_index - outer * outer;
-        let normal = |index: f64| index * index - sin2;
-        let (wall2, inner2) = (normal(self.wall_index), normal(self.inner_index));
-        if wall2 <= 0.0 || inner2 <= 0.0 || cos <= 0.0 {
-            return 1.0;
+    /// Light that meets the wall with `cos` (0 to 1) from the normal, from the outer side or from the inner one.
+    pub fn meet(&self, cos: f64, from_outer: bool) -> Meeting {
+        let (here, beyond) = if from_outer {
+            (self.outer_index, self.inner_index)
+        } else {
+            (self.inner_index, self.outer_index)
+        };
+        let index_ratio = here / beyond;
+        // (n sin)^2 is the same in all three media.
+        let invariant = here * here * (1.0 - cos * cos).max(0.0);
+        let cos_in = |n: f64| 1.0 - invariant / (n * n);
+        let (wall2, beyond2) = (cos_in(self.wall_index), cos_in(beyond));
+        if wall2 <= 0.0 || beyond2 <= 0.0 {
+            return Meeting { reflectance: 1.0, cos_through: 0.0, index_ratio };
         }
-        let (wall, inner) = (wall2.sqrt(), inner2.sqrt());
-        let (no2, nw2, ni2) = (
-            self.outer_index * self.outer_index,
-            self.wall_index * self.wall_index,
-            self.inner_index * self.inner_index,
-        );
-        let face = |a: f64, b: f64| ((a - b) / (a + b)).powi(2);
-        let plate = |r1: f64, r2: f64| (r1 + r2 - 2.0 * r1 * r2) / (1.0 - r1 * r2);
-        let s = plate(face(outer, wall), face(wall, inner));
-        // Parallel: n2 cos1 and n1 cos2, times n1 n2 each, are n2^2 (n1 cos1) and n1^2 (n2 cos2).
-        let p = plate(face(nw2 * outer, no2 * wall), face(ni2 * wall, nw2 * inner));
-        0.5 * (s + p)
+        let (cos_wall, cos_through) = (wall2.sqrt(), beyond2.sqrt());
+        let first = fresnel((here, cos), (self.wall_index, cos_wall));
+        let second = fresnel((self.wall_index, cos_wall), (beyond, cos_through));
+        let plate = |a: f64, b: f64| if a * b >= 1.0 { 1.0 } else { (a + b - 2.0 * a * b) / (1.0 - a * b) };
+        let reflectance = 0.5 * (plate(first[0], second[0]) + plate(first[1], second[1]));
+        Meeting { reflectance, cos_through, index_ratio }
     }
+}
 
-    /// Direction in the inner medium of light of unit direction `d` in the outer one; `normal` is the unit normal on d's side
-    /// (`d.normal < 0`). None where it is totally reflected.
-    pub fn refract(&self, d: DVec3, normal: DVec3) -> Option<DVec3> {
-        let eta = self.outer_index / self.inner_index;
-        let cos = -d.dot(normal);
-        let cos2 = 1.0 - eta * eta * (1.0 - cos * cos);
-        (cos2 > 0.0).then(|| (d * eta + normal * (eta * cos - cos2.sqrt())).normalize())
-    }
-
-    /// Sends light of unit direction `d` from the outer medium on: its new direction, and whether it crossed the wall. `u` is
-    /// uniform in [0, 1); `normal` as in [`Wall::refract`].
-    pub fn meet(&self, d: DVec3, normal: DVec3, u: f64) -> (DVec3, bool) {
-        let cos = -d.dot(normal);
-        if u >= self.reflectance(cos) {
-            if let Some(through) = self.refract(d, normal) {
-                return (through, true);
-            }
-        }
-        ((d + normal * (2.0 * cos)).normalize(), false)
-    }
+/// Reflectances of one face for light polarised across and along the plane of incidence.
+fn fresnel((n_a, cos_a): (f64, f64), (n_b, cos_b): (f64, f64)) -> [f64; 2] {
+    let ratio = |a: f64, b: f64| {
+        let r = (a - b) / (a + b);
+        r * r
+    };
+    [ratio(n_a * cos_a, n_b * cos_b), ratio(n_b * cos_a, n_a * cos_b)]
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// Fresnel's reflectances of one face from angles: s and p.
-    fn fresnel(n1: f64, n2: f64, t1: f64) -> (f64, f64) {
-        let s = n1 * t1.sin() / n2;
-        if s >= 1.0 {
-            return (1.0, 1.0);
-        }
-        let t2 = s.asin();
-        if t1 == 0.0 {
-            let r = ((n1 - n2) / (n1 + n2)).powi(2);
-            return (r, r);
-        }
-        (((t1 - t2).sin() / (t1 + t2).sin()).powi(2), ((t1 - t2).tan() / (t1 + t2).tan()).powi(2))
+    const CELL: Wall = Wall { outer_index: 1.0, wall_index: 1.425, inner_index: 1.35 };
+
+    #[test]
+    fn upright_light_and_brewster() {
+        let glass = Wall { outer_index: 1.0, wall_index: 1.5, inner_index: 1.5 };
+        assert!((glass.meet(1.0, true).reflectance - 0.04).abs() < 1e-12);
+        // At Brewster's angle light along the plane passes: half of ((1 - n^2)/(1 + n^2))^2 is left.
+        let cos = (1.0f64 / (1.0 + 2.25)).sqrt();
+        let r = glass.meet(cos, true).reflectance;
+        assert!((r - 0.5 * (1.25f64 / 3.25).powi(2)).abs() < 1e-12, "{r}");
+        // Two faces: r1 = (0.425/2.425)^2, r2 = (0.075/2.775)^2.
+        let (a, b) = ((0.425f64 / 2.425).powi(2), (0.075f64 / 2.775).powi(2));
+        let expected = a + (1.0 - a).powi(2) * b / (1.0 - a * b);
+        assert!((CELL.meet(1.0, true).reflectance - expected).abs() < 1e-12);
     }
 
     #[test]
-    fn plate_agrees_with_its_faces() {
-        for (no, nw, ni) in [(1.0, 1.425, 1.35), (1.35, 1.425, 1.0), (1.0, 1.5, 1.5), (1.5, 1.0, 1.5)] {
-            let wall = Wall { outer_index: no, wall_index: nw, inner_index: ni };
-            for i in 0..90 {
-                let theta = f64::from(i).to_radians();
-                let (s1, p1) = fresnel(no, nw, theta);
-                let (s2, p2) = fresnel(nw, ni, (no * theta.sin() / nw).clamp(0.0, 1.0).asin());
-                // Orders inside the plate, added one by one.
-                let orders = |r1: f64, r2: f64| {
-                    let (mut total, mut inside) = (r1, 1.0 - r1);
-                    for _ in 0..100_000 {
-                        inside *= r2;
-                        total += inside * (1.0 - r1);
-                        inside *= r1;
-                    }
-                    total
-                };
-                let expected =
-                    if s1 == 1.0 || s2 == 1.0 { 1.0 } else { 0.5 * (orders(s1, s2) + orders(p1, p2)) };
-                let got = wall.reflectance(theta.cos());
-                assert!((got - expected).abs() < 1e-9, "{no} {nw} {ni} at {i}: {got} {expected}");
-            }
+    fn wall_is_reciprocal() {
+        for i in 1..100 {
+            let cos = f64::from(i) / 100.0;
+            let there = CELL.meet(cos, true);
+            let back = CELL.meet(there.cos_through, false);
+            assert!((there.reflectance - back.reflectance).abs() < 1e-12, "{cos}");
+            assert!((back.cos_through - cos).abs() < 1e-12);
+            assert!((0.0..=1.0).contains(&there.reflectance));
         }
-        // A plate of an outer index is one face: 0.04 for glass.
-        let glass = Wall { outer_index: 1.0, wall_index: 1.0, inner_index: 1.5 };
-        assert!((glass.reflectance(1.0) - 0.04).abs() < 1e-12);
-        assert_eq!(glass.reflectance(0.0), 1.0);
+        // Beyond the critical angle, sin = 1/1.35.
+        let critical = (1.0 - 1.0 / (1.35f64 * 1.35)).sqrt();
+        assert_eq!(CELL.meet(critical * 0.999, false).reflectance, 1.0);
+        assert!(CELL.meet(critical * 1.01, false).reflectance < 1.0);
+        assert_eq!(CELL.meet(0.0, true).reflectance, 1.0);
     }
 
     #[test]
-    fn both_ways_alike() {
-        let wall = Wall { outer_index: 1.0, wall_index: 1.425, inner_index: 1.35 };
-        let normal = DVec3::Z;
-        for i in 0..90 {
-            let t = (f64::from(i) + 0.5).to_radians();
-            let d = DVec3::new(t.sin(), 0.0, -t.cos());
-            let through = wall.refract(d, normal).expect("denser");
-            assert!((through.x - d.x / 1.35).abs() < 1e-12 && through.z < 0.0);
-            let back = wall.turned().refract(-through, -normal).expect("less than the critical angle");
-            assert!((back + d).length() < 1e-9);
-            assert!((wall.reflectance(t.cos()) - wall.turned().reflectance(-through.z)).abs() < 1e-9);
+    fn matched_wall_is_not_there() {
+        let none = Wall { outer_index: 1.35, wall_index: 1.35, inner_index: 1.35 };
+        for cos in [1.0, 0.5, 0.01] {
+            let m = none.meet(cos, true);
+            assert!(m.reflectance < 1e-20 && (m.cos_through - cos).abs() < 1e-12 && m.index_ratio == 1.0);
         }
-        // Beyond the critical angle of 47.8 degrees nothing leaves.
-        let steep = DVec3::new(0.75, 0.0, (1.0f64 - 0.75 * 0.75).sqrt());
-        assert_eq!(wall.turned().refract(steep, -normal), None);
-        let (reflected, crossed) = wall.turned().meet(steep, -normal, 0.999_999);
-        assert!(!crossed && (reflected - DVec3::new(steep.x, 0.0, -steep.z)).length() < 1e-12);
     }
 }
