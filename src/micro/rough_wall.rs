@@ -266,7 +266,8 @@ mod tests {
                 let (a, b) = (1.0 + smith(i, alpha), 1.0 + smith(o, alpha));
                 let masking = (ln_gamma(a) + ln_gamma(b) - ln_gamma(a + b)).exp();
                 let jacobian = GLASS.inner_index.powi(2) * oh.abs() / (ih + GLASS.inner_index * oh).powi(2);
-                (1.0 - GLASS.meet(ih, true).reflectance) * facets_density(h, alpha) * masking * ih * jacobian / i.z
+                (1.0 - GLASS.meet(ih, true).reflectance) * facets_density(h, alpha) * masking * ih * jacobian
+                    / i.z
             });
             assert!(p > 1e-3, "alpha {alpha} at {theta}: p {p:.1e}");
         }
