@@ -298,3 +298,42 @@ fn the_hash_names_what_is_rendered() {
     };
     assert_ne!(of_file("400,0.2\n700,0.6\n"), of_file("400,0.2\n700,0.7\n"));
 }
+
+#[test]
+fn unknown_pigments_are_named() {
+    let table = "[tissue.adaxial.pigments]\n";
+    let read = |lines: &str| -> Result<(), Error> {
+        let Loaded { description, source } =
+            load::<description::PetalDescription>(&format!("{table}{lines}\n"), "petal.toml", &[])?;
+        description.build_tissue("").map(drop).map_err(|e| source.locate(e))
+    };
+    read("carotenoid_mol_per_l = 0.001\nanthocyanin_ug_per_cm2 = 20").unwrap();
+    for (lines, line, key, what) in [
+        (
+            "betalain_ug_per_cm2 = 3.0",
+            2,
+            "tissue.adaxial.pigments.betalain_ug_per_cm2",
+            "carotenoid_ug_per_cm2",
+        ),
+        (
+            "water_um = 1.0\nflavonol_mol_per_l = 2",
+            3,
+            "tissue.adaxial.pigments.flavonol_mol_per_l",
+            "0 to 1 mol/L",
+        ),
+        (
+            "carotenoid_ug_per_cm2 = 1.0\ncarotenoid_mol_per_l = 0.1",
+            3,
+            "tissue.adaxial.pigments.carotenoid_mol_per_l",
+            "contradictory",
+        ),
+    ] {
+        match read(lines) {
+            Err(Error::Source(e)) => {
+                assert_eq!((e.key.as_str(), e.line), (key, Some(line)), "{e}");
+                assert!(e.what.contains(what), "{e}");
+            }
+            other => panic!("{lines}: {other:?}"),
+        }
+    }
+}
