@@ -43,6 +43,7 @@ bsdf_conformance! {
     phong_dull: "phong dull",
     phong_glossy: "phong glossy",
     phong_sharp: "phong sharp",
+    tabulated_sheet: "tabulated sheet",
 }
 
 #[test]

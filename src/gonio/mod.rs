@@ -29,6 +29,7 @@ pub mod one_sided;
 pub mod cell_factors;
 pub mod cell_family;
 pub mod petal_optics;
+pub mod tabulated;
 
 pub use cell_factors::{CellFactors, FactorSettings};
 pub use cell_family::CellFamily;
@@ -41,4 +42,5 @@ pub use one_sided::OneSided;
 pub use petal_optics::{AngleGrid, AngularTable, Part, PetalOptics, WhiteTotals};
 pub use plane::Plane;
 pub use readings::{merge, sample};
+pub use tabulated::{AtPigment, TabulatedBsdf};
 pub use table::{Estimate, GonioTable, Incidence, Ledger, Totals};

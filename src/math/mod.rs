@@ -1,6 +1,7 @@
 //! Pure numerics: frames, warps with their densities, random sequences, quadrature, equations and
 //! statistics.
 
+pub mod exp;
 pub mod frame;
 pub mod warp;
 pub mod sampler;

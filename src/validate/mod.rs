@@ -23,6 +23,7 @@ mod estimator;
 mod grazing;
 mod reciprocity;
 mod scatter;
+mod sheet;
 mod shipped;
 pub mod compare;
 #[doc(hidden)]
@@ -36,6 +37,8 @@ use crate::math::frame::spherical;
 
 pub use estimator::{Estimate, check_estimator, check_petal};
 pub use scatter::check_scatter;
+#[doc(hidden)]
+pub use sheet::sheet;
 pub use shipped::{Flaw, Shipped, shipped, shipped_petals};
 
 /// How thoroughly to check. The default takes about a second of one core per model.

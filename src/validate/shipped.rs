@@ -2,7 +2,9 @@
 
 use super::{Report, Test};
 use crate::Result;
+use super::sheet::sheet;
 use crate::bsdf::{Bsdf, DiffuseTransmission, Lambert, LiteralPhong, Phong};
+use crate::gonio::TabulatedBsdf;
 use crate::micro::shading::CellPetal;
 use crate::scene::description::{PetalDescription, SpectrumDescription, TransmissionDescription};
 use crate::scene::petal::PRESETS;
@@ -44,6 +46,11 @@ pub fn shipped() -> Result<Vec<Shipped>> {
     let red = |low: f64, high: f64| {
         Spectrum::from_fn(move |nm| low + (high - low) / (1.0 + (-(nm - 600.0) / 15.0).exp()))
     };
+    // Absorption of pigment, 1/um, from a strong band in the green to none in the red.
+    let pigment = |strength: f64| {
+        Spectrum::from_fn(move |nm| strength * (-((nm - 540.0) / 50.0).powi(2)).exp())
+    };
+    let tabulated = TabulatedBsdf::new(&sheet(18, 9), [pigment(0.05), 0.0.into(), 0.0.into(), pigment(0.02)])?;
     let models: Vec<(&'static str, Box<dyn Bsdf>)> = vec![
         ("lambert", Box::new(Lambert::new(0.5.into())?)),
         ("lambert white", Box::new(Lambert::new(1.0.into())?)),
@@ -56,6 +63,7 @@ pub fn shipped() -> Result<Vec<Shipped>> {
         ("phong dull", Box::new(Phong::new(red(0.05, 0.6), 0.3.into(), 3.0)?)),
         ("phong glossy", Box::new(Phong::new(0.3.into(), 0.7.into(), 60.0)?)),
         ("phong sharp", Box::new(Phong::new(0.0.into(), 1.0.into(), 600.0)?)),
+        ("tabulated sheet", Box::new(tabulated)),
     ];
     let mut all: Vec<Shipped> =
         models.into_iter().map(|(name, bsdf)| Shipped { name, bsdf, expected_to_fail: None }).collect();
