@@ -42,5 +42,5 @@ pub use one_sided::OneSided;
 pub use petal_optics::{AngleGrid, AngularTable, Part, PetalOptics, WhiteTotals};
 pub use plane::Plane;
 pub use readings::{merge, sample};
-pub use tabulated::{AtPigment, TabulatedBsdf};
 pub use table::{Estimate, GonioTable, Incidence, Ledger, Totals};
+pub use tabulated::{AtPigment, TabulatedBsdf};

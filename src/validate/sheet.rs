@@ -14,7 +14,8 @@ pub fn sheet(thetas: usize, interior_thetas: usize) -> PetalOptics {
     let interior = AngleGrid { thetas: interior_thetas, phis: interior_thetas };
     let mut optics = PetalOptics {
         sample: "sheet".into(),
-        description: "[tissue.adaxial]\npigments = { anthocyanin_ug_per_cm2 = 20.0 }\n[tissue.abaxial]\n".into(),
+        description: "[tissue.adaxial]\npigments = { anthocyanin_ug_per_cm2 = 20.0 }\n[tissue.abaxial]\n"
+            .into(),
         version: String::new(),
         walks: 0,
         seed: 0,
@@ -63,4 +64,3 @@ pub fn sheet(thetas: usize, interior_thetas: usize) -> PetalOptics {
     });
     optics
 }
-

@@ -1,8 +1,8 @@
 //! The models that the program ships, with representative parameters: what `rosarium check` checks.
 
+use super::sheet::sheet;
 use super::{Report, Test};
 use crate::Result;
-use super::sheet::sheet;
 use crate::bsdf::{Bsdf, DiffuseTransmission, Lambert, LiteralPhong, Phong};
 use crate::gonio::TabulatedBsdf;
 use crate::micro::shading::CellPetal;
@@ -47,10 +47,10 @@ pub fn shipped() -> Result<Vec<Shipped>> {
         Spectrum::from_fn(move |nm| low + (high - low) / (1.0 + (-(nm - 600.0) / 15.0).exp()))
     };
     // Absorption of pigment, 1/um, from a strong band in the green to none in the red.
-    let pigment = |strength: f64| {
-        Spectrum::from_fn(move |nm| strength * (-((nm - 540.0) / 50.0).powi(2)).exp())
-    };
-    let tabulated = TabulatedBsdf::new(&sheet(18, 9), [pigment(0.05), 0.0.into(), 0.0.into(), pigment(0.02)])?;
+    let pigment =
+        |strength: f64| Spectrum::from_fn(move |nm| strength * (-((nm - 540.0) / 50.0).powi(2)).exp());
+    let tabulated =
+        TabulatedBsdf::new(&sheet(18, 9), [pigment(0.05), 0.0.into(), 0.0.into(), pigment(0.02)])?;
     let models: Vec<(&'static str, Box<dyn Bsdf>)> = vec![
         ("lambert", Box::new(Lambert::new(0.5.into())?)),
         ("lambert white", Box::new(Lambert::new(1.0.into())?)),

@@ -73,9 +73,7 @@ impl Polar {
         Some(match (above, node) {
             (false, 0) => Piece { from: 0.0, to: centre, value: 1.0, slope: 0.0 },
             (false, _) => Piece { from: centre - step, to: centre, value: 0.0, slope },
-            (true, n) if n + 1 == self.nodes => {
-                Piece { from: centre, to: FRAC_PI_2, value: 1.0, slope: 0.0 }
-            }
+            (true, n) if n + 1 == self.nodes => Piece { from: centre, to: FRAC_PI_2, value: 1.0, slope: 0.0 },
             (true, _) => Piece { from: centre, to: centre + step, value: 1.0, slope: -slope },
         })
     }

@@ -88,8 +88,11 @@ impl TabulatedBsdf {
         let surface = Component::new(&optics.surface, "surface")?;
         let interior = Component::new(&optics.interior, "interior")?;
         if surface.classes() != 1 || interior.classes() != optics.paths_um.len() {
-            let what =
-                format!("{} paths for {} classes of interior light", optics.paths_um.len(), interior.classes());
+            let what = format!(
+                "{} paths for {} classes of interior light",
+                optics.paths_um.len(),
+                interior.classes()
+            );
             return Err(Error::invalid("paths_um", what));
         }
         if let Some(l) = optics.paths_um.iter().flatten().find(|l| !(l.is_finite() && **l >= 0.0)) {
@@ -307,8 +310,7 @@ impl AtPigment<'_> {
         let (side, way) = (Side::of(wo), branch.way);
         let component = if branch.is_surface { &self.table.surface } else { &self.table.interior };
         let nodes = component.incident(polar(wo)).nodes();
-        let [first, second] =
-            nodes.map(|(node, w)| w * component.albedo_at(side, way, node)[branch.class]);
+        let [first, second] = nodes.map(|(node, w)| w * component.albedo_at(side, way, node)[branch.class]);
         let node = if within * (first + second) < first { nodes[0].0 } else { nodes[1].0 };
         let (theta, turn) = component.draw((side, way, node, branch.class), u);
         let azimuth = if wo.x == 0.0 && wo.y == 0.0 { 0.0 } else { f64::from(wo.y).atan2(f64::from(wo.x)) };

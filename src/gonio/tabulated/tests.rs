@@ -1,6 +1,6 @@
 use super::*;
-use crate::gonio::petal_optics::{AngleGrid, AngularTable};
 use crate::gonio::Directional;
+use crate::gonio::petal_optics::{AngleGrid, AngularTable};
 use crate::math::Sampler;
 use crate::math::quadrature::sphere_rule;
 use crate::math::warp::square_to_sphere;
@@ -57,7 +57,12 @@ fn albedo_is_the_integral() {
         }
         for (sum, albedo) in sums.iter().zip(at.albedo(wo)) {
             for lane in 0..LANES {
-                assert!((sum[lane] / albedo[lane] - 1.0).abs() < 2e-3, "{wo}: {} {}", sum[lane], albedo[lane]);
+                assert!(
+                    (sum[lane] / albedo[lane] - 1.0).abs() < 2e-3,
+                    "{wo}: {} {}",
+                    sum[lane],
+                    albedo[lane]
+                );
             }
         }
     }
