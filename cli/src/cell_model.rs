@@ -38,7 +38,7 @@ impl CellArgs {
     /// The cells, as the user described them.
     pub(crate) fn description(&self) -> Result<CellDescription> {
         let petal = input::petal(&self.cells, &self.overrides)?;
-        let cells = petal.loaded.description.cells;
+        let cells = petal.loaded.description.grown_cells("").map_err(|e| petal.loaded.source.locate(e))?;
         cells.validate("cells").map_err(|e| petal.loaded.source.locate(e))?;
         Ok(cells)
     }

@@ -44,9 +44,9 @@ pub(crate) fn run(args: &Args, global: Global) -> Result<Outcome> {
     let plots = Output::prepare_all("--plot", &args.plot, &["svg", "png"])?;
 
     let input::Petal { name, loaded, .. } = input::petal(&args.petal, &args.overrides)?;
-    let cells = &loaded.description.cells;
-    cells.validate("cells").map_err(|e| loaded.source.locate(e))?;
-    let field = CellField::new(cells).map_err(|e| loaded.source.locate(e))?;
+    loaded.description.cells.validate("cells").map_err(|e| loaded.source.locate(e))?;
+    let cells = loaded.description.grown_cells("").map_err(|e| loaded.source.locate(e))?;
+    let field = CellField::new(&cells).map_err(|e| loaded.source.locate(e))?;
 
     if !meshes.is_empty() {
         let mesh = tile_mesh::tile_mesh(&field, [1, 1], args.resolution);

@@ -71,6 +71,36 @@ pub(crate) fn petal(argument: &str, overrides: &Overrides) -> Result<Petal> {
     Ok(Petal { name, loaded, assets: assets_beside(Some(path)) })
 }
 
+/// Wavelengths, nm.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Bands(pub(crate) Vec<f64>);
+
+/// More bands than any instrument has.
+const MAX_BANDS: usize = 10_000;
+
+/// A list of wavelengths, in which `LOW..HIGH:STEP` stands for many.
+pub(crate) fn bands(argument: &str) -> Result<Bands, String> {
+    let mut bands = Vec::new();
+    for part in argument.split(',') {
+        let number = |text: &str| {
+            let v = text.trim().parse::<f64>().ok().filter(|v| v.is_finite());
+            v.ok_or_else(|| format!("`{part}` is neither a number nor LOW..HIGH:STEP"))
+        };
+        let Some((low, rest)) = part.split_once("..") else {
+            bands.push(number(part)?);
+            continue;
+        };
+        let (high, step) = rest.split_once(':').unwrap_or((rest, "10"));
+        let (low, high, step) = (number(low)?, number(high)?, number(step)?);
+        let count = ((high - low) / step + 1e-9).floor();
+        if !(step > 0.0 && (0.0..MAX_BANDS as f64).contains(&count)) {
+            return Err(format!("`{part}`: LOW..HIGH:STEP rises in at most {MAX_BANDS} steps"));
+        }
+        bands.extend((0..=count as u32).map(|i| low + f64::from(i) * step));
+    }
+    Ok(Bands(bands))
+}
+
 /// A count that may be written as `1e6`.
 pub(crate) fn count(argument: &str) -> Result<u64, String> {
     if let Ok(n) = argument.replace('_', "").parse::<u64>() {
@@ -86,6 +116,20 @@ pub(crate) fn count(argument: &str) -> Result<u64, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn lists_and_ranges_of_bands() {
+        assert_eq!(bands("450, 550,650").unwrap().0, [450.0, 550.0, 650.0]);
+        let default = bands("380..780:10").unwrap().0;
+        assert_eq!((default.len(), default[0], default[40]), (41, 380.0, 780.0));
+        assert_eq!(bands("400..410:2.5,700").unwrap().0, [400.0, 402.5, 405.0, 407.5, 410.0, 700.0]);
+        assert_eq!(bands("400..430").unwrap().0.len(), 4);
+        for text in
+            ["", "a", "400..", "400..300:10", "400..500:0", "400..500:-1", "400..500:1e-9", "nan", "1..inf:1"]
+        {
+            assert!(bands(text).is_err(), "{text}");
+        }
+    }
 
     #[test]
     fn counts() {

@@ -14,6 +14,8 @@ mod plot;
 mod progress;
 mod render;
 mod report;
+mod sample;
+mod spectral;
 
 use std::process::ExitCode;
 

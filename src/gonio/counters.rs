@@ -127,6 +127,8 @@ impl TotalSums {
 /// Everything that is counted; `[bin * bands + band]`, totals per band and last their mean over the bands.
 pub(super) struct Counters {
     pub(super) paths: u64,
+    /// Paths among them whose end nobody knows.
+    pub(super) cut_off: u64,
     pub(super) grid: Vec<Sums>,
     pub(super) scan: Vec<Sums>,
     pub(super) totals: Vec<TotalSums>,
@@ -137,6 +139,7 @@ impl Counters {
         let bands = gonio.bands_nm.len();
         Self {
             paths: 0,
+            cut_off: 0,
             grid: vec![Sums::default(); gonio.exitant.len() * bands],
             scan: vec![Sums::default(); gonio.scan.len() * bands],
             totals: vec![TotalSums::default(); bands + 1],
@@ -145,6 +148,7 @@ impl Counters {
 
     pub(super) fn add(&mut self, other: &Self) {
         self.paths += other.paths;
+        self.cut_off += other.cut_off;
         self.grid.iter_mut().zip(&other.grid).for_each(|(a, b)| a.merge(b));
         self.scan.iter_mut().zip(&other.scan).for_each(|(a, b)| a.merge(b));
         self.totals.iter_mut().zip(&other.totals).for_each(|(a, b)| a.merge(b));
@@ -182,6 +186,7 @@ impl Counters {
                     reflected: t.reflected.sum,
                     transmitted: t.transmitted.sum,
                     absorbed: t.absorbed.sum,
+                    cut_off: self.cut_off as f64,
                 })
                 .collect(),
             bsdf: by_band(&self.grid, &|bin| gonio.exitant.projected_solid_angle_sr(bin)),

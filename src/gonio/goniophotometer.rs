@@ -18,7 +18,8 @@
 //!
 //! Path k of incidence i draws from `Sampler::new(seed, (i, side), k)`; chunks of fixed size are summed in
 //! their order, so the table has the same bytes at any number of threads (`same_at_any_thread_count`). More
-//! than `LANES` bands are measured in groups that share their random numbers.
+//! than `LANES` bands are measured in groups that share their random numbers; a white walk serves all at once
+//! ([`super::white_walks`]).
 //!
 //! Limits: 0 <= theta_i < 90 deg (`rejects_bad_input`); a regular lattice has a direction, over which `spin` averages
 //! (`spin_is_the_mean_over_the_lamps_azimuths`); a bin's value is its average, which differs from
@@ -27,19 +28,13 @@
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-use std::f64::consts::TAU;
-
-use glam::{DVec2, UVec2, Vec2, Vec3};
 use rayon::prelude::*;
 
-use super::counters::{Counters, PathTotals};
-use super::retro::RetroCaps;
+use super::counters::Counters;
+use super::lamp::Lamp;
 use super::{ExitantGrid, GonioTable, Incidence, PlaneScan};
 use crate::bsdf::Scatter;
 use crate::geometry::Side;
-use crate::math::Sampler;
-use crate::math::frame::spherical;
-use crate::spectrum::{LANES, SampledWavelengths};
 use crate::{Error, Result};
 
 /// Bins x bands that one measurement may have.
@@ -84,6 +79,9 @@ impl Default for Goniophotometer {
 
 /// Called now and then, from any thread, with (paths done, paths in all); `Break` stops the measurement.
 pub type Progress<'a> = &'a (dyn Fn(u64, u64) -> ControlFlow<()> + Sync);
+
+/// Follows one path of a lamp and counts it.
+pub(super) type Follow<'a> = &'a (dyn Fn(&Lamp, u64, &mut Counters) -> Result<()> + Sync);
 
 impl Goniophotometer {
     /// Checks the settings; errors name the key.
@@ -140,10 +138,15 @@ impl Goniophotometer {
 
     /// Measures a sample. The result depends on the settings and the sample only.
     pub fn measure(&self, sample: &dyn Scatter, progress: Progress) -> Result<GonioTable> {
+        self.run(&|lamp, ray, counters| lamp.follow(ray, sample, counters), progress)
+    }
+
+    /// The table of paths that `follow` follows and counts one by one.
+    pub(super) fn run(&self, follow: Follow, progress: Progress) -> Result<GonioTable> {
         self.validate()?;
         let done = AtomicU64::new(0);
         let incidences = (0..self.incident_deg.len())
-            .map(|i| self.measure_incidence(i, sample, &done, progress))
+            .map(|i| self.measure_incidence(i, follow, &done, progress))
             .collect::<Result<Vec<_>>>()?;
         Ok(GonioTable {
             sample: String::new(),
@@ -162,7 +165,7 @@ impl Goniophotometer {
     fn measure_incidence(
         &self,
         index: usize,
-        sample: &dyn Scatter,
+        follow: Follow,
         done: &AtomicU64,
         progress: Progress,
     ) -> Result<Incidence> {
@@ -183,7 +186,7 @@ impl Goniophotometer {
                     let count = rays.end - rays.start;
                     let mut part = Counters::new(self);
                     for ray in rays {
-                        lamp.follow(ray, sample, &mut part)?;
+                        follow(&lamp, ray, &mut part)?;
                     }
                     let now = done.fetch_add(count, Ordering::Relaxed) + count;
                     if progress(now, total).is_break() {
@@ -204,102 +207,19 @@ impl Goniophotometer {
     }
 }
 
-/// One incidence being measured.
-struct Lamp<'a> {
-    gonio: &'a Goniophotometer,
-    index: u32,
-    /// Direction to the lamp in the sample's frame.
-    wi: Vec3,
-    caps: RetroCaps,
-    groups: Vec<SampledWavelengths>,
-}
-
-impl<'a> Lamp<'a> {
-    fn new(gonio: &'a Goniophotometer, index: usize) -> Self {
-        let incident_deg = gonio.incident_deg[index];
-        let groups = gonio
-            .bands_nm
-            .chunks(LANES)
-            .map(|bands| {
-                // Lanes without a band repeat the last one.
-                SampledWavelengths::given(std::array::from_fn(|i| bands[i.min(bands.len() - 1)] as f32))
-            })
-            .collect();
-        Self {
-            gonio,
-            index: index as u32,
-            wi: turn(spherical(incident_deg.to_radians() as f32, 0.0), gonio.side),
-            caps: RetroCaps::new(incident_deg),
-            groups,
-        }
-    }
-
-    /// Follows one path in every group of bands and counts it.
-    fn follow(&self, ray: u64, sample: &dyn Scatter, counters: &mut Counters) -> Result<()> {
-        let side = if self.gonio.side == Side::Adaxial { 0 } else { 1 };
-        // The sample index has 32 bits; what lies above moves on to another sequence.
-        let pixel = UVec2::new(self.index, side + 2 * (ray >> 32) as u32);
-        let bands = self.gonio.bands_nm.len();
-        counters.paths += 1;
-        let mut mean = PathTotals::default();
-        // The golden ratio's multiples fill the circle evenly, however many paths there are.
-        let turn_by =
-            if self.gonio.spin { (ray as f64 * 0.618_033_988_749_894_9).fract() * TAU } else { 0.0 };
-        let spin = DVec2::from_angle(turn_by).as_vec2();
-        let spun = |w: Vec3, spin: Vec2| spin.rotate(w.truncate()).extend(w.z);
-        let wi = if self.gonio.spin { spun(self.wi, spin) } else { self.wi };
-        for (g, lambda) in self.groups.iter().enumerate() {
-            let first = g * LANES;
-            let count = (bands - first).min(LANES);
-            let mut sampler = Sampler::new(self.gonio.seed, pixel, ray as u32);
-            let Some((w, weight)) = sample.scatter(wi, lambda, &mut sampler) else {
-                counters.totals[first..first + count].iter_mut().for_each(|t| t.add(&PathTotals::ABSORBED));
-                mean.add_scaled(&PathTotals::ABSORBED, count as f64 / bands as f64);
-                continue;
-            };
-            let weights = &weight.0[..count];
-            if !(w.is_finite() && weights.iter().all(|v| v.is_finite() && *v >= 0.0)) {
-                let what = format!("scattered light from {} to {w} with weights {weights:?}", self.wi);
-                return Err(Error::invalid("sample", what));
-            }
-            let w = if self.gonio.spin { spun(w, spin * Vec2::new(1.0, -1.0)) } else { w };
-            let w = turn(w, self.gonio.side);
-            let bin = self.gonio.exitant.bin(w);
-            let scan_bin = self.gonio.scan.bin(w);
-            let (retro, mirror) = self.caps.share(w);
-            for (band, &weight) in (first..).zip(weights) {
-                let weight = f64::from(weight);
-                counters.grid[bin * bands + band].add(weight);
-                if let Some(bin) = scan_bin {
-                    counters.scan[bin * bands + band].add(weight);
-                }
-                let path = PathTotals::scattered(weight, w.z >= 0.0, retro, mirror);
-                counters.totals[band].add(&path);
-                mean.add_scaled(&path, 1.0 / bands as f64);
-            }
-        }
-        counters.totals[bands].add(&mean);
-        Ok(())
-    }
-}
-
-/// Instrument's frame to sample's frame and back: for the abaxial side the sample is turned over about x.
-fn turn(w: Vec3, side: Side) -> Vec3 {
-    match side {
-        Side::Adaxial => w,
-        Side::Abaxial => Vec3::new(w.x, -w.y, -w.z),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use std::f64::consts::FRAC_1_PI;
 
+    use glam::Vec3;
+
     use super::*;
     use crate::bsdf::{Bsdf, DiffuseTransmission, Lambert, Phong};
     use crate::gonio::Estimate;
+    use crate::math::Sampler;
+    use crate::math::frame::spherical;
     use crate::math::stats::{normal_quantile, sidak};
-    use crate::spectrum::{SampledSpectrum, Spectrum};
+    use crate::spectrum::{LANES, SampledSpectrum, SampledWavelengths, Spectrum};
 
     /// Two-sided z limit of one of `tests` tests that fail by chance once in 1000 altogether.
     fn z_limit(tests: usize) -> f64 {

@@ -16,8 +16,11 @@
 pub mod grid;
 pub mod retro;
 pub mod table;
+pub mod spectra;
 mod counters;
+mod lamp;
 pub mod goniophotometer;
+pub mod white_walks;
 pub mod measurement;
 pub mod directional;
 pub mod readings;
@@ -42,5 +45,6 @@ pub use one_sided::OneSided;
 pub use petal_optics::{AngleGrid, AngularTable, Part, PetalOptics, WhiteTotals};
 pub use plane::Plane;
 pub use readings::{merge, sample};
+pub use spectra::{HemisphericalSpectrum, PetalColors, SpectrumPoint};
 pub use table::{Estimate, GonioTable, Incidence, Ledger, Totals};
 pub use tabulated::{AtPigment, TabulatedBsdf};

@@ -80,12 +80,16 @@ pub struct Ledger {
     pub transmitted: f64,
     /// What each path lost: one minus its weight.
     pub absorbed: f64,
+    /// Paths that were given up before their end, with all their energy: in none of the totals. Only walks have such.
+    #[serde(default)]
+    pub cut_off: f64,
 }
 
 impl Ledger {
-    /// `|in - reflected - transmitted - absorbed| / in`.
+    /// `|in - reflected - transmitted - absorbed - cut off| / in`.
     pub fn relative_error(&self) -> f64 {
-        (self.incoming - self.reflected - self.transmitted - self.absorbed).abs() / self.incoming
+        let out = self.reflected + self.transmitted + self.absorbed + self.cut_off;
+        (self.incoming - out).abs() / self.incoming
     }
 }
 
@@ -139,6 +143,11 @@ impl GonioTable {
         self.sample = sample.into();
         self.description = description.into();
         self
+    }
+
+    /// Paths of all incidences that were cut off: energy that no total has. One path is the same in every band.
+    pub fn cut_off(&self) -> u64 {
+        self.incidences.iter().filter_map(|i| i.ledgers.first()).map(|l| l.cut_off as u64).sum()
     }
 
     /// Largest [`Ledger::relative_error`].
@@ -237,6 +246,7 @@ impl GonioTable {
             seed: self.seed,
             version: self.version.clone(),
             ledger_error: self.ledger_error(),
+            cut_off: self.cut_off(),
             incidences,
         }
     }
@@ -257,6 +267,8 @@ pub struct Summary {
     pub version: String,
     /// Largest relative difference of energy in and out.
     pub ledger_error: f64,
+    /// Paths that were cut off before their end.
+    pub cut_off: u64,
     /// One object per incidence.
     pub incidences: Vec<IncidenceSummary>,
 }

@@ -31,7 +31,7 @@ const CONVENTIONS: &str = "\
 # Angles: degrees from the normal of the lit side; theta_deg above 90 is transmission.
 # Azimuth: phi_deg 0 is the lamp's side (retro-reflection), 180 the mirror's side; bins are given by their centre.
 # Totals: [value, standard error] as shares of the light that arrives; ledger is [in, reflected, transmitted,
-# absorbed] in paths; totals without wavelength_nm are means over the bands.
+# absorbed] in paths, cut_off the paths that were given up (0 where it is missing); totals without wavelength_nm are means over the bands.
 ";
 
 #[derive(Serialize, Deserialize)]
@@ -60,6 +60,8 @@ struct TotalsRow {
     wavelength_nm: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     ledger: Option<[f64; 4]>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    cut_off: Option<f64>,
     #[serde(flatten)]
     totals: Totals,
 }
@@ -71,6 +73,7 @@ pub fn write(table: &GonioTable) -> Result<String> {
             incident_deg: i.incident_deg,
             wavelength_nm,
             ledger: ledger.map(|l| [l.incoming, l.reflected, l.transmitted, l.absorbed]),
+            cut_off: ledger.map(|l| l.cut_off).filter(|c| *c != 0.0),
             totals: *totals,
         };
         let bands = table.bands_nm.iter().zip(&i.bands).zip(&i.ledgers);
@@ -282,7 +285,11 @@ fn incidence(header: &Header, incident_deg: f64, bsdf: &[Estimate]) -> Result<In
     let ledgers = rows.iter().map(|r| {
         let [incoming, reflected, transmitted, absorbed] =
             r.ledger.ok_or(format!("header: totals for {incident_deg} deg without a ledger"))?;
-        Ok(Ledger { incoming, reflected, transmitted, absorbed })
+        let cut_off = r.cut_off.unwrap_or(0.0);
+        if !(0.0..=incoming).contains(&cut_off) {
+            return Err(format!("header: {cut_off} of {incoming} paths cut off"));
+        }
+        Ok(Ledger { incoming, reflected, transmitted, absorbed, cut_off })
     });
     let mean = find(None)?;
     let numbers = rows.iter().chain([&mean]).flat_map(|r| {

@@ -29,6 +29,8 @@ pub mod pgii;
 pub mod zemax;
 pub mod measured;
 pub mod lobe_plot;
+pub mod spectra_csv;
+pub mod spectra_plot;
 pub mod fit_text;
 pub mod fit_series;
 pub mod fit_plot;

@@ -24,6 +24,7 @@
 
 pub mod description;
 pub mod lattice;
+pub mod growth;
 pub mod dome;
 pub mod height_field;
 pub mod tile_mesh;

@@ -14,12 +14,20 @@ use super::key::Key;
 use crate::Result;
 use crate::micro::shading::{CellPetal, Layer};
 use crate::micro::transmission::{TransmissionLobe, Way};
-use crate::micro::{CellField, Tissue};
+use crate::micro::{CellDescription, CellField, Tissue, growth};
 use crate::spectrum::Spectrum;
 use crate::spectrum::pigment::{MAX_UG_PER_CM2, anthocyanin_transmittance};
 
 /// Petals that come with the program: name and TOML text of a [`PetalDescription`].
-pub const PRESETS: &[(&str, &str)] = &[("thesis", include_str!("../../data/petals/thesis.toml"))];
+pub const PRESETS: &[(&str, &str)] = &[
+    ("thesis", include_str!("../../data/petals/thesis.toml")),
+    ("rote_rose", include_str!("../../data/petals/rote_rose.toml")),
+    ("black", include_str!("../../data/petals/black.toml")),
+    ("pink", include_str!("../../data/petals/pink.toml")),
+    ("white", include_str!("../../data/petals/white.toml")),
+    ("yellow", include_str!("../../data/petals/yellow.toml")),
+    ("baccara", include_str!("../../data/petals/baccara.toml")),
+];
 
 /// The TOML text of a petal that comes with the program.
 pub fn preset(name: &str) -> Option<&'static str> {
@@ -27,12 +35,19 @@ pub fn preset(name: &str) -> Option<&'static str> {
 }
 
 impl PetalDescription {
+    /// The cells at the petal's age. `at` as in [`PetalDescription::compile`].
+    pub fn grown_cells(&self, at: &str) -> Result<CellDescription> {
+        let key = if at.is_empty() { Key::new("age") } else { Key::new(at).at("age") };
+        self.age
+            .map_or_else(|| Ok(self.cells.clone()), |age| growth::grown(&self.cells, age, &key.to_string()))
+    }
+
     /// The layers, checked and built; `None` where the petal is shaded by coefficients. `at` as in
     /// [`PetalDescription::compile`].
     pub fn build_tissue(&self, at: &str) -> Result<Option<Tissue>> {
         let key = if at.is_empty() { Key::new("tissue") } else { Key::new(at).at("tissue") };
-        let build = |t: &_| Tissue::new(t, &self.cells, &key.to_string());
-        self.tissue.as_ref().map(build).transpose()
+        let Some(tissue) = &self.tissue else { return Ok(None) };
+        Tissue::new(tissue, &self.grown_cells(at)?, &key.to_string()).map(Some)
     }
 
     /// Checks and builds the petal. Errors name the key below `at` (empty for a petal file, `petal` in a scene).
@@ -41,7 +56,7 @@ impl PetalDescription {
         root("samples").within(self.samples, 1..=1_000_000, "within 1 to 1000000")?;
         let cells_key = root("cells");
         self.cells.validate(&cells_key.to_string())?;
-        let cells = Arc::new(CellField::new(&self.cells)?);
+        let cells = Arc::new(CellField::new(&self.grown_cells(at)?)?);
         let key = root("shading");
         let shading = &self.shading;
         if shading.model == ShadingModel::Lambert {
@@ -114,7 +129,34 @@ mod tests {
         for (name, text) in PRESETS {
             let d: PetalDescription = load(text, name, &[]).unwrap().description;
             d.compile("", &MemoryAssets::default()).unwrap();
+            let tissue = d.build_tissue("").unwrap();
+            assert_eq!(tissue.is_some(), *name != "thesis", "{name}");
+            if let Some(t) = tissue {
+                // 150 to 300 um thick, as petals are.
+                assert!((150.0..300.0).contains(&t.depth_um.iter().sum::<f64>()), "{name}: {:?}", t.depth_um);
+            }
         }
+    }
+
+    #[test]
+    fn age_scales_the_cells() {
+        let of = |age: Option<f64>| {
+            let d: PetalDescription =
+                load(preset("rote_rose").unwrap(), "rote_rose", &[]).unwrap().description;
+            let d = PetalDescription { age, ..d };
+            let cells = d.compile("", &MemoryAssets::default()).unwrap().cells().description().clone();
+            let tissue = d.build_tissue("").unwrap().unwrap();
+            assert_eq!(tissue.adaxial.as_ref().unwrap().cells.description(), &cells);
+            (cells, tissue.depth_um[0])
+        };
+        let (open, depth) = of(None);
+        assert_eq!(of(Some(1.0)).0.height_um, open.height_um);
+        let (bud, bud_depth) = of(Some(0.0));
+        assert!(bud.height_um < 0.2 * open.height_um && bud.pitch_um < open.pitch_um && bud_depth < depth);
+        let d = PetalDescription { age: Some(2.0), ..PetalDescription::default() };
+        let e = d.compile("petal", &MemoryAssets::default()).unwrap_err().to_string();
+        assert!(e.starts_with("petal.age: "), "{e}");
+        assert!(d.build_tissue("").is_ok_and(|t| t.is_none()));
     }
 
     #[test]

@@ -12,6 +12,7 @@ pub mod spectra;
 pub mod observer;
 pub mod illuminant;
 pub mod color;
+pub mod object_color;
 pub mod rgb_basis;
 pub mod upsample;
 pub mod pigment;

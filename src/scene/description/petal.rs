@@ -13,6 +13,10 @@ pub struct PetalDescription {
     /// Random points of the cells within the footprint that shade one hit: few look dull and broken, many
     /// shiny and smooth. At least 1. Default 4.
     pub samples: u32,
+    /// Age of the petal, 0 (bud) to 1 (open flower) to 1.3 (full-blown): younger cells are smaller and flatter than `cells`
+    /// says, older ones a little higher. Default: as `cells` says, which is age 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub age: Option<f64>,
     /// Cell lattice and domes.
     pub cells: CellDescription,
     /// Coefficients of the light that leaves each layer.
@@ -103,6 +107,7 @@ impl Default for PetalDescription {
     fn default() -> Self {
         Self {
             samples: 4,
+            age: None,
             cells: CellDescription::default(),
             shading: ShadingDescription::default(),
             tissue: None,

@@ -1,0 +1,28 @@
+//! A petal as a sample for the goniophotometer.
+
+use rosarium::Result;
+use rosarium::gonio::goniophotometer::Progress;
+use rosarium::gonio::{GonioTable, Goniophotometer};
+use rosarium::micro::shading::CellPetal;
+use rosarium::scene::DiskAssets;
+use rosarium::scene::description::PetalDescription;
+
+/// What the light is followed through.
+pub(crate) enum Sample {
+    /// The thesis' layers, shaded by coefficients.
+    Shaded(Box<CellPetal>),
+}
+
+impl Sample {
+    /// Builds what the description says; errors name its keys.
+    pub(crate) fn new(petal: &PetalDescription, assets: &DiskAssets) -> Result<Self> {
+        Ok(Self::Shaded(Box::new(petal.compile("", assets)?)))
+    }
+
+    /// Measures it.
+    pub(crate) fn measure(&self, gonio: &Goniophotometer, progress: Progress) -> Result<GonioTable> {
+        match self {
+            Self::Shaded(petal) => gonio.measure(&**petal, progress),
+        }
+    }
+}
