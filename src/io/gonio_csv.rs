@@ -341,6 +341,8 @@ mod tests {
     #[test]
     fn round_trip() {
         let mut table = table();
+        assert!(!write(&table).unwrap().contains("cut_off ="));
+        table.incidences[1].ledgers.iter_mut().for_each(|l| l.cut_off = 3.0);
         let text = write(&table).unwrap();
         let back = read(text.as_bytes(), "t.csv").unwrap();
         table.incidences.iter_mut().for_each(|i| i.scan.clear());
