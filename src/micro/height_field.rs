@@ -26,7 +26,10 @@ use super::dome::{Dome, Profile};
 use super::lattice::{Channel, Lattice, disorder};
 use crate::Result;
 
+mod inside;
 mod locate;
+
+pub(crate) use inside::{Bound, Within};
 
 /// A ray that crosses this many cells without a hit has none. With the thesis' pitch that is 9 cm.
 pub const MAX_CELLS: usize = 4096;

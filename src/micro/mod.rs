@@ -30,11 +30,14 @@ pub mod height_field;
 pub mod tile_mesh;
 pub mod transmission;
 pub mod shading;
+pub mod wall;
 pub mod tissue;
 pub mod wall;
 pub mod rough_wall;
 pub mod white;
+pub mod cell_walk;
 
+pub use cell_walk::CellWalk;
 pub use description::CellDescription;
 pub use dome::{Dome, Profile};
 pub use height_field::{CellField, CellHit, HitKind};
