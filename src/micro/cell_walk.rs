@@ -1,7 +1,8 @@
 //! The walk of light through a petal's tissue.
 //!
 //! Model: geometrical optics, one photon at a time. Light meets the exact domes of an epidermis ([`CellField`]); at every
-//! wall it is reflected with the probability R of [`Wall`] and refracted with 1 - R. Inside, it crosses cells along straight
+//! wall it is reflected with the probability R of [`Wall`] and refracted with 1 - R ([`rough_wall`] where the outer wall is
+//! striated). Inside, it crosses cells along straight
 //! lines, meeting inner walls (vacuole | wall | vacuole) at the sides of the columns and the floor below; light that leaves
 //! a dome may meet the next one. In a turbid slab it goes an exponentially distributed way of mean 1 / mu_s and turns by
 //! an angle of Henyey and Greenstein's distribution:
@@ -29,8 +30,8 @@ use glam::DVec3;
 
 use super::height_field::{Bound, CellHit, Within};
 use super::tissue::{Epidermis, REGIONS, Slab, Tissue};
-use super::wall::Wall;
 use super::white::{End, Exit, WhiteScatter};
+use super::{rough_wall, wall::Wall};
 use crate::math::Stream;
 
 /// Events (walls met and turns in slabs) after which a walk is cut off.
@@ -458,7 +459,13 @@ fn floor_to_air(epidermis: &Epidermis) -> Wall {
 }
 
 /// Direction after light that travels along `d` met an outer wall whose normal points to the air.
-fn meet_outer(wall: &Wall, _roughness: f64, normal: DVec3, mut d: DVec3, stream: &mut Stream) -> DVec3 {
+fn meet_outer(wall: &Wall, roughness: f64, normal: DVec3, mut d: DVec3, stream: &mut Stream) -> DVec3 {
+    if roughness > 0.0 {
+        let (a, b) = normal.any_orthonormal_pair();
+        let local = DVec3::new(d.dot(a), d.dot(b), d.dot(normal));
+        let out = rough_wall::scatter(local, roughness, wall, stream);
+        return (a * out.x + b * out.y + normal * out.z).normalize();
+    }
     let cos = d.dot(normal);
     let meeting = wall.meet(cos.abs().min(1.0), cos < 0.0);
     if stream.next() < meeting.reflectance {
@@ -582,7 +589,7 @@ mod tests {
 
     const PETAL: &str = "[adaxial]\n[palisade]\nscattering_per_mm = 20.0\nanisotropy = 0.8\nthickness_um = 40.0\n\
         [spongy]\nindex = 1.3\nscattering_per_mm = 60.0\nanisotropy = 0.6\nthickness_um = 120.0\n\
-        [abaxial.cells]\npitch_um = 30.0\nheight_um = 8.0\ncenter_disorder = 0.1\nheight_disorder = 0.2\ntile_cells = 8";
+        [abaxial]\nroughness = 0.3\n[abaxial.cells]\npitch_um = 30.0\nheight_um = 8.0\ncenter_disorder = 0.1\nheight_disorder = 0.2\ntile_cells = 8";
 
     #[test]
     fn white_furnace() {

@@ -30,7 +30,6 @@ pub mod height_field;
 pub mod tile_mesh;
 pub mod transmission;
 pub mod shading;
-pub mod wall;
 pub mod tissue;
 pub mod wall;
 pub mod rough_wall;
