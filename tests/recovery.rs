@@ -8,17 +8,47 @@
 //! the mirror's direction sees it has a definite exponent to first order, but any larger one does nearly as well.
 
 use std::ops::ControlFlow;
+use std::sync::{Arc, OnceLock};
 
 use glam::DVec3;
 use rayon::prelude::*;
-use rosarium::fit::{Action, Geometry, Kind, Model, Options, Override, fit, models};
+use rosarium::fit::{Action, Geometry, Kind, Model, Options, Override, Prepared, fit, models};
+use rosarium::gonio::cell_factors::AngleNodes;
 use rosarium::gonio::measurement::direction_deg;
-use rosarium::gonio::{Band, ExitantGrid, Measurement, Reading};
+use rosarium::gonio::{Band, CellFactors, CellFamily, ExitantGrid, FactorSettings, Measurement, Reading};
 use rosarium::math::sampler::{hash, hash_to_unit};
 use rosarium::math::stats::normal_quantile;
+use rosarium::micro::CellDescription;
 
-const MODELS: [&str; 3] = ["lambert+phong", "retro", "ggx+lambert"];
 const NOISES: [f64; 2] = [0.01, 0.05];
+
+/// Models that are studied together.
+struct Studied {
+    names: &'static [&'static str],
+    /// How many draws a table has to come by a truth that can be judged.
+    draws: u32,
+}
+
+const CLOSED: Studied = Studied { names: &["lambert+phong", "retro", "ggx+lambert"], draws: 10 };
+/// 5 % errors at a leaf goniometer's directions determine all six parameters in one truth of sixteen only.
+const CELLS: Studied = Studied { names: &["terado"], draws: 60 };
+
+/// The model of this name; `terado` over a coarse table of the thesis' cells, the same for truth and fit: what is asked
+/// here is what the fit does with it.
+fn model(name: &str) -> Box<dyn Model> {
+    static TABLE: OnceLock<Arc<CellFamily>> = OnceLock::new();
+    if name != "terado" {
+        return models::by_name(name).unwrap();
+    }
+    let family = TABLE.get_or_init(|| {
+        let first = AngleNodes { thetas: 14, ratios: 10, azimuths: 13 };
+        let later = AngleNodes { thetas: 8, ratios: 6, azimuths: 7 };
+        let settings = FactorSettings { points: 2048, facets: 64, seed: 1, first, later };
+        let go = |_, _| ControlFlow::Continue(());
+        Arc::new(CellFactors::compute(&CellDescription::default(), &settings, &go).unwrap().into())
+    });
+    Box::new(models::Terado::new(family.clone()))
+}
 
 /// Pairs of directions of a table.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -87,12 +117,17 @@ struct Outcome {
 }
 
 /// Outcomes of one table; `None` where a truth is near a bound or not determined.
-fn table(model: &dyn Model, pairs: &[(DVec3, DVec3)], noise: f64, key: u32) -> Option<Vec<Outcome>> {
+fn table(
+    model: &dyn Model,
+    prepared: &dyn Prepared,
+    pairs: &[(DVec3, DVec3)],
+    noise: f64,
+    key: u32,
+) -> Option<Vec<Outcome>> {
     let truth = truth(model, key);
     let (n, k) = (pairs.len(), truth.len());
-    let geometries: Vec<Geometry> = pairs.iter().map(|&(wi, wo)| Geometry::point(wi, wo)).collect();
     let (mut values, mut jacobian) = (vec![0.0; n], vec![0.0; n * k]);
-    model.prepare(&geometries).unwrap().eval(&truth, &mut values, Some(&mut jacobian));
+    prepared.eval(&truth, &mut values, Some(&mut jacobian));
     // Information at the truth; columns in units of the truth keep it well scaled.
     let row = |a: usize, i: usize| jacobian[a * n + i] * truth[a] / (noise * values[i]);
     let information =
@@ -161,20 +196,23 @@ struct Row {
     worst: f64,
 }
 
-fn study(tables: u32) -> Vec<Row> {
+fn study(studied: &Studied, tables: u32) -> Vec<Row> {
     let mut rows = Vec::new();
-    for name in MODELS {
-        let model = models::by_name(name).unwrap();
+    for name in studied.names {
+        let model = model(name);
         for (setting, angles) in [Angles::Leaf, Angles::Grid].into_iter().enumerate() {
             let pairs = directions(angles);
+            let geometries: Vec<Geometry> = pairs.iter().map(|&(wi, wo)| Geometry::point(wi, wo)).collect();
+            let prepared = model.prepare(&geometries).unwrap();
             for (level, noise) in NOISES.into_iter().enumerate() {
                 let family = hash((2 * setting + level) as u32 ^ hash(rows.len() as u32));
-                // Draws whose truth is near a bound are replaced, ten times at most.
+                // Draws whose truth is near a bound are replaced.
                 let outcomes: Vec<Outcome> = (0..tables)
                     .into_par_iter()
                     .filter_map(|t| {
-                        (0..10)
-                            .find_map(|again| table(&*model, &pairs, noise, family ^ hash(1000 * t + again)))
+                        let key = |again| family ^ hash(1000 * t + again);
+                        (0..studied.draws)
+                            .find_map(|again| table(&*model, &*prepared, &pairs, noise, key(again)))
                     })
                     .flatten()
                     .collect();
@@ -208,28 +246,46 @@ fn print(rows: &[Row]) {
     }
 }
 
-#[test]
-fn intervals_cover_the_truth() {
-    let rows = study(20);
-    print(&rows);
+/// All parameters together; the outcomes of one table are not independent.
+fn holds_together(rows: &[Row], least: usize) {
+    print(rows);
     let judged: usize = rows.iter().map(|r| r.judged).sum();
     let mean =
         |f: &dyn Fn(&Row) -> f64| rows.iter().map(|r| r.judged as f64 * f(r)).sum::<f64>() / judged as f64;
-    // All parameters together: about 800 outcomes, of which those of one table go together.
     let (coverage, bias) = (mean(&|r| r.coverage), mean(&|r| r.bias));
-    assert!(judged > 500, "{judged}");
+    assert!(judged > least, "{judged}");
     assert!((0.90..=0.99).contains(&coverage), "{coverage}");
     assert!(bias.abs() < 0.2, "{bias}");
+}
+
+/// Each parameter by itself.
+fn each_holds(rows: &[Row]) {
+    print(rows);
+    for r in rows {
+        assert!(r.judged >= 150, "{}: {} tables", r.name, r.judged);
+        assert!((0.90..=0.99).contains(&r.coverage), "{}: {}", r.name, r.coverage);
+        assert!(r.bias.abs() < 0.2, "{}: {}", r.name, r.bias);
+    }
+}
+
+#[test]
+fn intervals_cover_the_truth() {
+    holds_together(&study(&CLOSED, 20), 500);
+}
+
+#[test]
+fn intervals_cover_the_truth_of_cells() {
+    holds_together(&study(&CELLS, 20), 400);
 }
 
 #[test]
 #[ignore = "slow tier: scripts/test runs it"]
 fn intervals_cover_the_truth_in_300_tables() {
-    let rows = study(300);
-    print(&rows);
-    for r in &rows {
-        assert!(r.judged >= 150, "{}: {} tables", r.name, r.judged);
-        assert!((0.90..=0.99).contains(&r.coverage), "{}: {}", r.name, r.coverage);
-        assert!(r.bias.abs() < 0.2, "{}: {}", r.name, r.bias);
-    }
+    each_holds(&study(&CLOSED, 300));
+}
+
+#[test]
+#[ignore = "slow tier: scripts/test runs it"]
+fn intervals_cover_the_truth_of_cells_in_300_tables() {
+    each_holds(&study(&CELLS, 300));
 }
