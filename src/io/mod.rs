@@ -11,6 +11,7 @@ pub mod ply;
 pub mod obj;
 pub mod gltf;
 pub mod gonio_csv;
+pub mod petal_optics;
 pub mod merl;
 pub mod utia;
 pub mod conventions;

@@ -23,6 +23,7 @@ pub fn sheet(thetas: usize, interior_thetas: usize) -> PetalOptics {
         asymmetry: 0.0,
         class_error: 0.0,
         paths_um: vec![[5.0, 0.0, 0.0, 0.0], [20.0, 60.0, 80.0, 5.0], [40.0, 90.0, 400.0, 40.0]],
+        spreads_um: vec![[0.0; 4]; 3],
         surface: AngularTable::zeros(surface, 1),
         interior: AngularTable::zeros(interior, 3),
         totals: Vec::new(),
