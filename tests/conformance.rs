@@ -1,7 +1,8 @@
 //! Every shipped model against every property of the conformance suite, one named test each.
 
 use rosarium::validate::{
-    Settings, Test, check_petal, check_property, check_scatter, shipped, shipped_petals,
+    Settings, Test, check_bsdf, check_petal, check_property, check_scatter, shipped, shipped_petals,
+    shipped_tissues,
 };
 
 fn holds(name: &str, test: Test) {
@@ -70,6 +71,25 @@ fn petals_estimate_what_they_scatter() {
     for (name, petal) in petals {
         let report = check_petal(name, &petal, &Settings { samples: 40_000, ..Settings::default() });
         assert_eq!(report.rows.len(), 5);
+        assert!(report.passed(), "{report:#?}");
+    }
+}
+
+#[test]
+fn measured_petals_conform() {
+    let tissues = shipped_tissues().expect("the shipped petals are valid");
+    assert!(tissues.len() >= 5);
+    let settings = Settings {
+        incidences_deg: vec![0.0, 40.0, 86.0],
+        samples: 20_000,
+        bins: (6, 24),
+        pairs: 1000,
+        wavelength_step_nm: 20.0,
+        ..Settings::default()
+    };
+    for (name, petal) in &tissues[..2] {
+        let report = check_bsdf(name, petal, &settings);
+        assert_eq!(report.rows.len(), 7);
         assert!(report.passed(), "{report:#?}");
     }
 }

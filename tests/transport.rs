@@ -5,13 +5,14 @@ mod support;
 use std::ops::ControlFlow;
 
 use glam::{UVec2, Vec2, Vec3};
+use rosarium::bsdf::{Bsdf, Scatter};
 use rosarium::geometry::{Ray, Side};
 use rosarium::gonio::Goniophotometer;
 use rosarium::math::frame::spherical;
 use rosarium::math::stats::Welford;
 use rosarium::math::{Sampler, warp};
 use rosarium::scene::description::PetalDescription;
-use rosarium::scene::{MemoryAssets, Scene};
+use rosarium::scene::{MemoryAssets, Petal, Scattering, Scene};
 use rosarium::spectrum::{LANES, SampledSpectrum, SampledWavelengths};
 use rosarium::transport::{Incident, Integrator, Path, PixelRay, Raytrace};
 
@@ -44,13 +45,14 @@ impl Integrator for Walks {
             let material = &scene.materials[shape.material as usize];
             let local = at.frame.to_local(wo);
             s.start_dimension(10_000 + 8 * depth);
-            let step = match (material.bsdf(), material.petal()) {
-                (Some(bsdf), _) => {
-                    let u_lobe = s.next_1d();
-                    bsdf.sample(local, lambda, u_lobe, s.next_2d()).map(|b| (b.wi, b.weight()))
-                }
-                (None, Some(petal)) => rosarium::bsdf::Scatter::scatter(petal, local, lambda, s),
-                (None, None) => None,
+            let draw = |bsdf: &dyn Bsdf, s: &mut Sampler| {
+                let u_lobe = s.next_1d();
+                bsdf.sample(local, lambda, u_lobe, s.next_2d()).map(|b| (b.wi, b.weight()))
+            };
+            let step = match material.scattering() {
+                Scattering::Bsdf(bsdf) => draw(bsdf, s),
+                Scattering::Petal(Petal::Tabulated(petal)) => draw(&petal.at(at.uv, lambda), s),
+                Scattering::Petal(Petal::Cells(petal)) => Scatter::scatter(petal, local, lambda, s),
             };
             let Some((wi, weight)) = step else { break };
             let next = at.frame.to_world(wi).normalize();

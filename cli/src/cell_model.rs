@@ -88,7 +88,7 @@ impl CellArgs {
 }
 
 /// `$XDG_CACHE_HOME/rosarium` or `~/.cache/rosarium`.
-fn default_cache() -> Option<PathBuf> {
+pub(crate) fn default_cache() -> Option<PathBuf> {
     let folder = |name: &str| std::env::var_os(name).filter(|v| !v.is_empty()).map(PathBuf::from);
     let base = folder("XDG_CACHE_HOME")
         .or_else(|| folder("LOCALAPPDATA"))
@@ -121,15 +121,17 @@ fn kept(file: &Path, cells: &CellDescription, settings: &FactorSettings) -> Opti
 
 /// Keeps a table. Without a place for it the work is done, only not kept.
 fn keep(file: &Path, factors: &CellFactors, global: Global) {
-    let write = || -> std::io::Result<()> {
-        let folder = file.parent().unwrap_or(Path::new("."));
-        fs::create_dir_all(folder)?;
-        let mut temporary = tempfile::NamedTempFile::new_in(folder)?;
-        std::io::Write::write_all(&mut temporary, &factors.to_bytes())?;
-        temporary.persist(file)?;
-        Ok(())
-    };
-    if let Err(e) = write() {
+    if let Err(e) = write_whole(file, &factors.to_bytes()) {
         progress::say(global, &format!("{}: not kept for the next fit: {e}", file.display()));
     }
+}
+
+/// Writes a file of the cache at once, so that nobody reads half of it.
+pub(crate) fn write_whole(file: &Path, bytes: &[u8]) -> std::io::Result<()> {
+    let folder = file.parent().unwrap_or(Path::new("."));
+    fs::create_dir_all(folder)?;
+    let mut temporary = tempfile::NamedTempFile::new_in(folder)?;
+    std::io::Write::write_all(&mut temporary, bytes)?;
+    temporary.persist(file)?;
+    Ok(())
 }

@@ -16,13 +16,14 @@ use crate::{Global, Outcome, progress};
 
 /// Convert measured BSDFs between formats.
 ///
-/// Reads CSV, `measure`'s tables, pab pgII, MERL, UTIA, RGL, Radiance/WINDOW XML and Zemax. The extension of the last
+/// Reads CSV, `measure`'s tables and measured petals (.optics, at --wavelengths), pab pgII, MERL, UTIA, RGL, Radiance/WINDOW XML and Zemax. The extension of the last
 /// file chooses what is written: .csv (readings), .dat (pgII, one file per incidence), .binary (MERL), .xml
 /// (Radiance/WINDOW), .bsdf (RGL, for Mitsuba's and pbrt's `measured`). What the new format cannot hold is said.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
   rosarium convert table.csv petal.bsdf
+  rosarium convert petal.optics petal.bsdf --wavelengths 400..700:20
   rosarium convert upper.csv lower.csv petal.xml --form tensor-tree
   rosarium convert red-fabric.binary fabric.csv
   rosarium convert leaf.csv leaf.xml --quantity brf --azimuth lamp --series sample --select oak-3 --columns \\
@@ -118,7 +119,7 @@ fn function(args: &Args, files: &[PathBuf]) -> Result<(String, Box<dyn Direction
     if let [file] = files {
         let mut sources = args.data.sources(files)?;
         // A function is asked as it is; a table of ours knows its own totals.
-        if let Some(Source { measured: m @ (Measured::Function(_) | Measured::Table(_)), .. }) = sources.pop()
+        if let Some(Source { measured: m @ (Measured::Function(_) | Measured::Table(_) | Measured::Optics(_)), .. }) = sources.pop()
         {
             return Ok((data::stem(file), args.data.chosen_bands(m.into_function()?)?));
         }

@@ -11,7 +11,7 @@ use rosarium::io::csv_options::CsvOptions;
 use rosarium::io::measured::{self, Measured};
 use rosarium::{Error, Result};
 
-use crate::report;
+use crate::{input, report};
 
 /// What a table of measured values means, where the file does not say it itself.
 #[derive(Clone, Debug, clap::Args)]
@@ -30,6 +30,9 @@ pub(crate) struct DataArgs {
     /// Take only this band: its name or its wavelength in nm. Repeatable.
     #[arg(long, value_name = "BAND")]
     band: Vec<String>,
+    /// Wavelengths of a measured petal (.optics), nm: a list or LOW..HIGH:STEP. Default: 450,550,650.
+    #[arg(long, value_name = "NM,...", allow_hyphen_values = true, value_parser = input::bands)]
+    wavelengths: Option<input::Bands>,
     /// What a value is: bsdf (1/sr), brf (pi x BSDF), dsf (BSDF x cosine), relative or relative_dsf (the same with an
     /// unknown gain per series). Default: what the file says, else bsdf.
     #[arg(long, value_name = "WORD")]
@@ -107,7 +110,10 @@ impl DataArgs {
             let bytes = fs::read(path).map_err(|e| Error::io(path, e))?;
             let name = path.display().to_string();
             let format = measured::format(&bytes);
-            let measured = measured::read(&bytes, &name, &options).map_err(|e| in_file(&name, e))?;
+            let mut measured = measured::read(&bytes, &name, &options).map_err(|e| in_file(&name, e))?;
+            if let Some(wavelengths) = &self.wavelengths {
+                measured = measured.at_wavelengths(&wavelengths.0).map_err(|e| in_file(&name, e))?;
+            }
             tracing::info!(file = name, format, "read");
             Ok(Source { name, bytes, format, measured })
         };

@@ -1,5 +1,6 @@
 //! The command line of Rosarium: a thin front end, one file per command, no physics.
 
+mod assets;
 mod cell_model;
 mod cells;
 mod check;

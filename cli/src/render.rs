@@ -11,8 +11,9 @@ use rosarium::scene::{
     self, DEFAULT_SCENE, DEFAULT_SCENE_NAME, Loaded, Override, Scene, SceneDescription, load,
 };
 use rosarium::transport::{self, Integrator, RenderSettings};
-use rosarium::{Result, io};
+use rosarium::{Error, Result, io};
 
+use crate::assets::CachedAssets;
 use crate::input::{self, Overrides};
 use crate::output::Output;
 use crate::progress::{Bar, peak_memory};
@@ -29,6 +30,7 @@ Examples:
   rosarium render -D film.width=256 -D film.height=256 --spp 4 -o quick.png
   rosarium render scenes/thesis.toml -o a.exr -o a.png --integrator raytrace -D petal.samples=64
   rosarium render --petal petal.toml -o fitted.png
+  rosarium render --petal pink -D petal.gradient.claw=0.2 -o pink.png
   rosarium render scenes/rose.toml -o part.exr --crop 0.25,0.75,0.25,0.75 --seed 3
 `rosarium schema` lists every key of a scene file.")]
 pub(crate) struct Args {
@@ -58,6 +60,9 @@ pub(crate) struct Args {
     /// Tone curve of the PNG, instead of the scene's.
     #[arg(long, value_name = "NAME", value_parser = named::<ToneMap>(&["agx", "aces", "linear"]))]
     tone_map: Option<ToneMap>,
+    /// Folder that keeps petals that were measured. Default: rosarium in the user's cache folder.
+    #[arg(long, value_name = "DIR")]
+    cache: Option<PathBuf>,
     #[command(flatten)]
     overrides: Overrides,
 }
@@ -103,7 +108,7 @@ where
 pub(crate) fn run(args: &Args, global: Global) -> Result<Outcome> {
     let outputs = Output::prepare_all("--output", &paths(args), &["exr", "png"])?;
     let started = Instant::now();
-    let scene = read_scene(args)?;
+    let scene = read_scene(args, global)?;
     tracing::info!(
         shapes = scene.shapes.len(),
         triangles = scene.shapes.iter().map(|s| s.mesh.triangles.len()).sum::<usize>(),
@@ -174,7 +179,7 @@ fn paths(args: &Args) -> Vec<PathBuf> {
     ["png", "exr"].map(|e| PathBuf::from(stem).with_added_extension(e)).to_vec()
 }
 
-fn read_scene(args: &Args) -> Result<Scene> {
+fn read_scene(args: &Args, global: Global) -> Result<Scene> {
     let define = &args.overrides.define;
     let Loaded { mut description, source } = match &args.scene {
         Some(path) => {
@@ -191,7 +196,9 @@ fn read_scene(args: &Args) -> Result<Scene> {
     render.integrator = args.integrator.unwrap_or(render.integrator);
     film.exposure_ev = args.exposure.unwrap_or(film.exposure_ev);
     film.tone_map = args.tone_map.unwrap_or(film.tone_map);
-    scene::compile(&description, &input::assets_beside(args.scene.as_deref())).map_err(|e| source.locate(e))
+    let disk = input::assets_beside(args.scene.as_deref());
+    let assets = CachedAssets::new(disk, args.cache.clone(), global);
+    scene::compile(&description, &assets).map_err(|e| source.locate(e))
 }
 
 /// The petal of `--petal`, with the scene's overrides of `petal.` keys. Its mistakes are found here, where its own file is
@@ -202,8 +209,18 @@ fn read_petal(argument: &str, define: &[Override]) -> Result<PetalDescription> {
         Some(Override { key, value: o.value.clone() })
     });
     let input::Petal { loaded, assets, .. } = input::petal(argument, &Overrides { define: own.collect() })?;
-    loaded.description.compile("", &assets).map_err(|e| loaded.source.locate(e))?;
-    Ok(loaded.description)
+    let mut petal = loaded.description;
+    if !petal.is_tabulated() {
+        petal.compile("", &assets).map_err(|e| loaded.source.locate(e))?;
+        return Ok(petal);
+    }
+    petal.validate_tabulated("").map_err(|e| loaded.source.locate(e))?;
+    // The scene reads them, from wherever it is.
+    for file in [&mut petal.optics, &mut petal.texture].into_iter().flatten() {
+        let path = std::path::absolute(assets.base.join(&*file)).map_err(|e| Error::io(&*file, e))?;
+        *file = path.display().to_string();
+    }
+    Ok(petal)
 }
 
 fn integrator(scene: &Scene) -> Box<dyn Integrator> {

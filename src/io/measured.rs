@@ -2,6 +2,7 @@
 //!
 //! | bytes | format | read as |
 //! |---|---|---|
+//! | `rosaopti` | `petal.optics` | function of any wavelengths |
 //! | `tensor_file` | RGL `.bsdf` | function |
 //! | three integers 90, 90, 180 | MERL `.binary` | function |
 //! | 3 x 288 x 288 doubles | UTIA `.bin` | function |
@@ -12,12 +13,18 @@
 //! | any other text | CSV | readings |
 
 use super::csv_options::CsvOptions;
-use super::{gonio_csv, invalid, merl, pgii, readings_csv, rgl, utia, window_xml, zemax};
+use super::{gonio_csv, invalid, merl, petal_optics, pgii, readings_csv, rgl, utia, window_xml, zemax};
 use crate::Result;
-use crate::gonio::{Directional, ExitantGrid, GonioTable, Interpolant, Measurement, OneSided, readings};
+use crate::gonio::tabulated::OpticsAtBands;
+use crate::gonio::{
+    Directional, ExitantGrid, GonioTable, Interpolant, Measurement, OneSided, PetalOptics, readings,
+};
 
 /// Lamp angles at which a function becomes readings, degrees: what goniometers usually take.
 pub const INCIDENT_DEG: [f64; 6] = [0.0, 15.0, 30.0, 45.0, 60.0, 75.0];
+
+/// Wavelengths of a petal for all of them, where nobody asks for others, nm.
+pub const WAVELENGTHS_NM: [f64; 3] = [450.0, 550.0, 650.0];
 
 /// What a file holds.
 pub enum Measured {
@@ -25,6 +32,8 @@ pub enum Measured {
     Readings(Measurement),
     /// What the virtual goniophotometer measured, with its totals.
     Table(GonioTable),
+    /// A petal for all wavelengths.
+    Optics(Box<PetalOptics>),
     /// A table that is asked for any directions.
     Function(Box<dyn Directional>),
 }
@@ -34,7 +43,9 @@ pub fn format(bytes: &[u8]) -> &'static str {
     let head = &bytes[..bytes.len().min(4096)];
     let text = String::from_utf8_lossy(head);
     let has = |word: &str| text.contains(word);
-    if head.starts_with(b"tensor_file\0") {
+    if petal_optics::is_petal_optics(head) {
+        "petal.optics"
+    } else if head.starts_with(b"tensor_file\0") {
         "RGL"
     } else if head.starts_with(&[90, 0, 0, 0, 90, 0, 0, 0, 180, 0, 0, 0]) {
         "MERL"
@@ -56,6 +67,7 @@ pub fn format(bytes: &[u8]) -> &'static str {
 /// Reads a file; `name` stands in errors. `options` are for CSV, the only format that does not say what it holds.
 pub fn read(bytes: &[u8], name: &str, options: &CsvOptions) -> Result<Measured> {
     Ok(match format(bytes) {
+        "petal.optics" => Measured::Optics(Box::new(petal_optics::read(bytes)?)),
         "RGL" => Measured::Function(Box::new(rgl::read(bytes)?)),
         "MERL" => Measured::Function(Box::new(merl::read(bytes)?)),
         "UTIA" => Measured::Function(Box::new(utia::read(bytes)?)),
@@ -68,11 +80,22 @@ pub fn read(bytes: &[u8], name: &str, options: &CsvOptions) -> Result<Measured> 
 }
 
 impl Measured {
+    /// A petal for all wavelengths as a function at the given ones, nm; anything else as it is.
+    pub fn at_wavelengths(self, wavelengths_nm: &[f64]) -> Result<Self> {
+        Ok(match self {
+            Measured::Optics(optics) => {
+                Measured::Function(Box::new(OpticsAtBands::new(&optics, wavelengths_nm)?))
+            }
+            other => other,
+        })
+    }
+
     /// The readings; of a function, those at the bin centres of the default grid for lamps at [`INCIDENT_DEG`].
     pub fn into_readings(self) -> Result<Measurement> {
         let measurement = match self {
             Measured::Readings(m) => m,
             Measured::Table(t) => t.to_measurement(),
+            Measured::Optics(_) => return self.at_wavelengths(&WAVELENGTHS_NM)?.into_readings(),
             Measured::Function(f) => readings::sample(&*f, &INCIDENT_DEG, &ExitantGrid::default())?,
         };
         if measurement.readings.is_empty() {
@@ -86,6 +109,7 @@ impl Measured {
         Ok(match self {
             Measured::Readings(m) => Box::new(Interpolant::new(&m)?),
             Measured::Table(t) => Box::new(OneSided::new(t)),
+            Measured::Optics(optics) => Box::new(OpticsAtBands::new(&optics, &WAVELENGTHS_NM)?),
             Measured::Function(f) => f,
         })
     }
@@ -114,7 +138,8 @@ mod tests {
         let readings = readings::sample(&sheet, &[20.0], &gonio.exitant).unwrap();
         let xml = window_xml_write::write(&sheet, Default::default(), &Default::default()).unwrap().text;
         let one_band = readings.subset(|r| r.band == 0 && r.wo.z > 0.0 && r.wi.z > 0.0);
-        let files: [(&str, Vec<u8>); 6] = [
+        let files: [(&str, Vec<u8>); 7] = [
+            ("petal.optics", petal_optics::write(&crate::validate::sheet(6, 4)).unwrap()),
             ("goniometer table", gonio_csv::write(&table).unwrap().into()),
             ("CSV", readings_csv::write(&readings).unwrap().into()),
             ("Radiance XML", xml.into()),

@@ -2,15 +2,28 @@
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
+use std::ops::ControlFlow;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use super::hash::Fnv128;
+use crate::gonio::PetalOptics;
+use crate::gonio::goniophotometer::Progress;
 use crate::{Error, Result};
 
-/// Gives the bytes of a file that a scene names.
+/// Measures a petal, telling of its progress.
+pub type MeasureOptics<'a> = &'a dyn Fn(Progress) -> Result<PetalOptics>;
+
+/// Gives the bytes of a file that a scene names, and what takes long to make.
 pub trait Assets {
     /// Reads the whole file at `path`, as the scene writes it.
     fn read(&self, path: &str) -> Result<Vec<u8>>;
+
+    /// The measured petal that `key` names completely. A front end may keep it, and show how far `measure` is.
+    fn optics(&self, key: &str, measure: MeasureOptics) -> Result<Arc<PetalOptics>> {
+        let _ = key;
+        measure(&|_, _| ControlFlow::Continue(())).map(Arc::new)
+    }
 }
 
 /// Files on disk, relative to the scene file's folder.
@@ -67,5 +80,10 @@ impl Assets for HashedAssets<'_> {
         hash.write(&(bytes.len() as u64).to_le_bytes());
         hash.write(&bytes);
         Ok(bytes)
+    }
+
+    // What is measured follows from the description, which is in the hash already.
+    fn optics(&self, key: &str, measure: MeasureOptics) -> Result<Arc<PetalOptics>> {
+        self.inner.optics(key, measure)
     }
 }

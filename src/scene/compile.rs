@@ -53,7 +53,7 @@ pub fn compile(description: &SceneDescription, assets: &dyn Assets) -> Result<Sc
     let assets = HashedAssets::new(assets, hash_of(description)?);
     check_film(&description.film)?;
     check_render(&description.render)?;
-    let petal = Arc::new(description.petal.compile("petal", &assets)?);
+    let petal = Arc::new(description.petal.build("petal", &assets)?);
     let camera = camera(&description.camera, [description.film.width, description.film.height])?;
 
     let mut compiler =

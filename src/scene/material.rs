@@ -4,14 +4,14 @@ use super::assets::Assets;
 use super::color::{reflectance, reflectance_and_transmittance};
 use super::description::MaterialDescription;
 use super::key::Key;
+use super::tabulated::Petal;
 use crate::Result;
 use std::sync::Arc;
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
 use crate::bsdf::{Bsdf, DiffuseTransmission, Lambert, LiteralPhong, Phong};
 use crate::geometry::Side;
-use crate::micro::shading::CellPetal;
 use crate::spectrum::{SampledSpectrum, SampledWavelengths, Spectrum};
 
 /// What a surface is made of. Closed, so that a hit is shaded without an indirect call.
@@ -25,8 +25,17 @@ pub enum Material {
     LiteralPhong(LiteralPhong),
     /// Diffuse reflection and transmission.
     Diffuse(DiffuseTransmission),
-    /// The cells of the scene's petal.
-    Petal(Arc<CellPetal>),
+    /// The scene's petal.
+    Petal(Arc<Petal>),
+}
+
+/// How a material scatters light.
+#[derive(Clone, Copy)]
+pub enum Scattering<'a> {
+    /// Alike all over the surface.
+    Bsdf(&'a dyn Bsdf),
+    /// As the petal does, which varies over it.
+    Petal(&'a Petal),
 }
 
 impl Material {
@@ -38,7 +47,7 @@ impl Material {
     /// Checks and compiles a material.
     pub(super) fn compile(
         d: &MaterialDescription,
-        petal: &Arc<CellPetal>,
+        petal: &Arc<Petal>,
         key: &Key,
         assets: &dyn Assets,
     ) -> Result<Self> {
@@ -83,44 +92,36 @@ impl Material {
         })
     }
 
-    /// The BSDF, where the material has one.
-    pub fn bsdf(&self) -> Option<&dyn Bsdf> {
+    /// How light is scattered at the surface.
+    pub fn scattering(&self) -> Scattering<'_> {
         match self {
-            Material::Lambert(m) => Some(m),
-            Material::Phong(m) => Some(m),
-            Material::LiteralPhong(m) => Some(m),
-            Material::Diffuse(m) => Some(m),
-            Material::Petal(_) => None,
+            Material::Lambert(m) => Scattering::Bsdf(m),
+            Material::Phong(m) => Scattering::Bsdf(m),
+            Material::LiteralPhong(m) => Scattering::Bsdf(m),
+            Material::Diffuse(m) => Scattering::Bsdf(m),
+            Material::Petal(m) => Scattering::Petal(m),
         }
     }
 
-    /// The petal of cells, where the material is one.
-    pub fn petal(&self) -> Option<&CellPetal> {
-        match self {
-            Material::Petal(petal) => Some(petal),
-            _ => None,
-        }
-    }
-
-    /// Share of light that comes straight through the sheet.
-    pub fn transmittance(&self, lambda: &SampledWavelengths) -> SampledSpectrum {
+    /// Share of light from the local direction `wi` that comes through the sheet, where its texture coordinates are `uv`.
+    pub fn transmittance(&self, wi: Vec3, uv: Vec2, lambda: &SampledWavelengths) -> SampledSpectrum {
         match self {
             Material::Diffuse(m) => m.transmittance().sample(lambda),
-            Material::Petal(m) => m.transmittance(lambda),
+            Material::Petal(m) => m.transmittance(wi, uv, lambda),
             _ => SampledSpectrum::ZERO,
         }
     }
 
     /// Colour of the surface seen from the local direction `wo`, transmitted light included: a guide for
     /// denoisers and masks, not for transport.
-    pub fn albedo(&self, wo: Vec3, lambda: &SampledWavelengths) -> SampledSpectrum {
+    pub fn albedo(&self, wo: Vec3, uv: Vec2, lambda: &SampledWavelengths) -> SampledSpectrum {
         let side = Side::of(wo);
         match self {
             Material::Lambert(m) => m.reflectance(side).sample(lambda),
             Material::Phong(m) => m.diffuse().sample(lambda) + m.specular().sample(lambda),
             Material::LiteralPhong(m) => m.diffuse().sample(lambda),
             Material::Diffuse(m) => m.reflectance(side).sample(lambda) + m.transmittance().sample(lambda),
-            Material::Petal(m) => m.albedo(wo, lambda) + m.transmittance(lambda),
+            Material::Petal(m) => m.albedo(wo, uv, lambda),
         }
     }
 }

@@ -17,6 +17,7 @@ pub mod environment;
 pub mod emitter;
 pub mod material;
 pub mod petal;
+pub mod tabulated;
 pub mod fitted;
 pub mod shape;
 pub mod compile;
@@ -30,15 +31,16 @@ mod light;
 #[cfg(test)]
 mod tests;
 
-pub use assets::{Assets, DiskAssets, MemoryAssets};
+pub use assets::{Assets, DiskAssets, MeasureOptics, MemoryAssets};
 pub use camera::{Camera, CameraRay};
 pub use compile::{Scene, compile};
 pub use description::{SceneDescription, schema};
 pub use emitter::{Drawing, Emitter, LightSample, Lights};
 pub use load::{Loaded, Override, load};
 pub use locate::Source;
-pub use material::Material;
+pub use material::{Material, Scattering};
 pub use shape::Shape;
+pub use tabulated::{Petal, TabulatedPetal};
 
 /// The built-in default scene: `scenes/rose.toml`.
 pub const DEFAULT_SCENE: &str = include_str!("../../scenes/rose.toml");

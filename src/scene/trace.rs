@@ -90,17 +90,14 @@ impl Scene {
         let mut ray = Ray { t_max: distance_mm * SHADOW_END, ..Self::leave(at, wi) };
         let mut share = SampledSpectrum::ONE;
         for _ in 0..MAX_SHEETS {
-            let Some(hit) = self.bvh.intersect(&ray) else { return share };
-            let shape = &self.shapes[hit.shape as usize];
-            share *= self.materials[shape.material as usize].transmittance(lambda);
+            let Some(sheet) = self.intersect(&ray) else { return share };
+            let material = &self.materials[self.shapes[sheet.shape as usize].material as usize];
+            let towards_light = sheet.frame.to_local(ray.direction);
+            share *= material.transmittance(towards_light, sheet.uv, lambda);
             if share.max() < 1e-4 {
                 break;
             }
-            let corners = shape.mesh.corners(hit.face as usize);
-            let [a, b, c] = corners;
-            let ng = (b - a).cross(c - a).normalize_or(Vec3::Z);
-            let next = offset_origin(point_on(corners, hit.b), ng, ray.direction);
-            ray = Ray { origin: next, t_max: ray.t_max - hit.t, ..ray };
+            ray = Ray { t_max: ray.t_max - sheet.t, ..Self::leave(&sheet, ray.direction) };
         }
         SampledSpectrum::ZERO
     }

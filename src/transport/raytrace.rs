@@ -36,7 +36,7 @@ impl Integrator for Raytrace {
         if let Some(emitter) = scene.shapes[at.shape as usize].emitter {
             result.direct = scene.lights.emitted(emitter, at.ng, -ray.direction, lambda);
         }
-        let shading = Shading::new(scene, at, -ray.direction, Some(pixel), scene.petal.samples);
+        let shading = Shading::new(scene, at, -ray.direction, lambda, Some(pixel), scene.petal.samples);
         for i in 0..scene.lights.emitters().len() {
             sampler.start_dimension(FIRST_DIMENSION + DIMENSIONS_PER_LIGHT * i as u32);
             let u = sampler.next_2d();

@@ -1,26 +1,36 @@
 //! One scattering event at a surface: the two calls that every integrator makes.
 //!
-//! An analytic BSDF is evaluated and priced, so that light sampling and BSDF sampling can be weighed against
+//! A BSDF, analytic or tabulated, is evaluated and priced, so that light sampling and BSDF sampling can be weighed against
 //! each other. A petal of cells has only an unbiased estimate of its value and a walk: its direct light comes
 //! from light sampling alone, and a light that the walk happens to meet is not counted again.
 
 use glam::Vec3;
 
 use super::PixelRay;
+use crate::bsdf::Bsdf;
 use crate::geometry::Interaction;
+use crate::gonio::AtPigment;
 use crate::math::Sampler;
-use crate::micro::shading::Footprint;
-use crate::scene::{Material, Scene};
+use crate::micro::shading::{CellPetal, Footprint};
+use crate::scene::{Petal, Scattering, Scene};
 use crate::spectrum::{SampledSpectrum, SampledWavelengths};
 
 /// A surface point seen from `wo`, ready to be shaded.
 pub(super) struct Shading<'a> {
     at: Interaction,
-    material: &'a Material,
+    model: Model<'a>,
     wo: Vec3,
     wo_local: Vec3,
     footprint: Footprint,
     points: u32,
+}
+
+/// What scatters the light at the point.
+#[expect(clippy::large_enum_variant, reason = "one lives at a time, on the stack: a box would be the heap")]
+enum Model<'a> {
+    Bsdf(&'a dyn Bsdf),
+    Tabulated(AtPigment<'a>),
+    Cells(&'a CellPetal),
 }
 
 /// Where light goes on.
@@ -32,15 +42,22 @@ pub(super) struct Next {
 }
 
 impl<'a> Shading<'a> {
-    /// `pixel` is given for what the camera sees directly; `points` cells shade it.
+    /// A point to be shaded at the wavelengths `lambda`. `pixel` is given for what the camera sees directly; `points`
+    /// cells shade it.
     pub(super) fn new(
         scene: &'a Scene,
         at: Interaction,
         wo: Vec3,
+        lambda: &SampledWavelengths,
         pixel: Option<&PixelRay>,
         points: u32,
     ) -> Self {
         let material = &scene.materials[scene.shapes[at.shape as usize].material as usize];
+        let model = match material.scattering() {
+            Scattering::Bsdf(bsdf) => Model::Bsdf(bsdf),
+            Scattering::Petal(Petal::Cells(petal)) => Model::Cells(petal),
+            Scattering::Petal(Petal::Tabulated(petal)) => Model::Tabulated(petal.at(at.uv, lambda)),
+        };
         let footprint = match pixel {
             Some(pixel) if at.uv_scale_mm != glam::Vec2::ZERO => {
                 // The disc of equal area where the ray's footprint falls on the surface.
@@ -52,7 +69,7 @@ impl<'a> Shading<'a> {
             }
             _ => Footprint::WIDE,
         };
-        Self { wo_local: at.frame.to_local(wo), at, material, wo, footprint, points }
+        Self { wo_local: at.frame.to_local(wo), at, model, wo, footprint, points }
     }
 
     /// The sides of a direction by the shading normal and by the real surface must agree, else a smooth normal
@@ -64,7 +81,7 @@ impl<'a> Shading<'a> {
 
     /// Is the value an estimate from walks through cells?
     pub(super) fn is_walk(&self) -> bool {
-        self.material.bsdf().is_none()
+        matches!(self.model, Model::Cells(_))
     }
 
     /// `f |cos|` towards `wi`, and the density with which [`Shading::sample`] draws `wi`; `None` for a walk.
@@ -78,34 +95,38 @@ impl<'a> Shading<'a> {
         if !self.consistent(wi, wi_local) {
             return (SampledSpectrum::ZERO, Some(0.0));
         }
-        match self.material.bsdf() {
-            Some(bsdf) => (
-                bsdf.eval(self.wo_local, wi_local, lambda) * wi_local.z.abs(),
+        let cos = wi_local.z.abs();
+        match &self.model {
+            Model::Bsdf(bsdf) => (
+                bsdf.eval(self.wo_local, wi_local, lambda) * cos,
                 Some(bsdf.pdf(self.wo_local, wi_local, lambda)),
             ),
-            None => {
-                let petal = self.material.petal();
-                let f = petal.map_or(SampledSpectrum::ZERO, |p| {
-                    p.estimate(self.wo_local, wi_local, lambda, self.footprint, self.points, sampler)
-                });
-                (f * wi_local.z.abs(), None)
+            Model::Tabulated(petal) => {
+                let (f, pdf_per_sr) = petal.eval_and_pdf(self.wo_local, wi_local);
+                (f * cos, Some(pdf_per_sr))
+            }
+            Model::Cells(petal) => {
+                let f =
+                    petal.estimate(self.wo_local, wi_local, lambda, self.footprint, self.points, sampler);
+                (f * cos, None)
             }
         }
     }
 
     /// Draws where light comes from.
     pub(super) fn sample(&self, lambda: &SampledWavelengths, sampler: &mut Sampler) -> Option<Next> {
-        let (wi_local, weight, pdf_per_sr) = match (self.material.bsdf(), self.material.petal()) {
-            (Some(bsdf), _) => {
-                let u_lobe = sampler.next_1d();
-                let s = bsdf.sample(self.wo_local, lambda, u_lobe, sampler.next_2d())?;
-                (s.wi, s.weight(), Some(s.pdf_per_sr))
-            }
-            (None, Some(petal)) => {
+        let draw = |bsdf: &dyn Bsdf, sampler: &mut Sampler| {
+            let u_lobe = sampler.next_1d();
+            let s = bsdf.sample(self.wo_local, lambda, u_lobe, sampler.next_2d())?;
+            Some((s.wi, s.weight(), Some(s.pdf_per_sr)))
+        };
+        let (wi_local, weight, pdf_per_sr) = match &self.model {
+            Model::Bsdf(bsdf) => draw(*bsdf, sampler)?,
+            Model::Tabulated(petal) => draw(petal, sampler)?,
+            Model::Cells(petal) => {
                 let (wi, weight) = petal.scatter_at(self.wo_local, lambda, self.footprint, sampler)?;
                 (wi, weight, None)
             }
-            (None, None) => return None,
         };
         let direction = self.at.frame.to_world(wi_local).normalize();
         self.consistent(direction, wi_local).then_some(Next { direction, weight, pdf_per_sr })

@@ -2,7 +2,7 @@
 //!
 //! Nothing here prints or panics: every check returns its statistic, its tolerance and whether it passed.
 //! [`check_bsdf`] runs the conformance suite over one model, [`check_scatter`] what can be said of a thing
-//! that may only be simulated, [`check_petal`] also its estimate, [`shipped()`] and [`shipped_petals`] list the models that the program ships, and [`compare`] weighs
+//! that may only be simulated, [`check_petal`] also its estimate, [`shipped()`], [`shipped_petals`] and [`shipped_tissues`] list the models that the program ships, and [`compare`] weighs
 //! images. [`wrong`] holds models with one deliberate fault each, to show that the suite rejects them.
 //!
 //! | test | claim | statistic | fails |
@@ -39,7 +39,7 @@ pub use estimator::{Estimate, check_estimator, check_petal};
 pub use scatter::check_scatter;
 #[doc(hidden)]
 pub use sheet::sheet;
-pub use shipped::{Flaw, Shipped, shipped, shipped_petals};
+pub use shipped::{Flaw, Shipped, shipped, shipped_petals, shipped_tissues};
 
 /// How thoroughly to check. The default takes about a second of one core per model.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,11 +1,12 @@
 //! Tables of a petal that nobody measured, for checks of what is made from tables.
 //!
 //! Model: surface light in a lobe around the lamp above and Lambertian below; interior light in three classes of walks of
-//! 5 to 570 um, nearly Lambertian, on both sides. Reciprocal by construction, albedo below 0.8.
+//! 5 to 570 um on average, nearly Lambertian, on both sides. Reciprocal by construction, albedo below 0.8.
 
 use std::f64::consts::PI;
 
-use crate::gonio::{AngleGrid, AngularTable, Part, PetalOptics};
+use crate::geometry::Side;
+use crate::gonio::{AngleGrid, AngularTable, Estimate, Part, PetalOptics, WhiteTotals};
 
 /// Tables of a sheet with a soft lobe towards the lamp at its surface and three classes of walks inside, the short ones rather
 /// reflected, the long ones rather transmitted. Symmetric by construction, energy below one.
@@ -23,7 +24,7 @@ pub fn sheet(thetas: usize, interior_thetas: usize) -> PetalOptics {
         asymmetry: 0.0,
         class_error: 0.0,
         paths_um: vec![[5.0, 0.0, 0.0, 0.0], [20.0, 60.0, 80.0, 5.0], [40.0, 90.0, 400.0, 40.0]],
-        spreads_um: vec![[0.0; 4]; 3],
+        spreads_um: vec![[2.0, 0.0, 0.0, 0.0], [8.0, 20.0, 60.0, 3.0], [20.0, 50.0, 300.0, 20.0]],
         surface: AngularTable::zeros(surface, 1),
         interior: AngularTable::zeros(interior, 3),
         totals: Vec::new(),
@@ -63,5 +64,20 @@ pub fn sheet(thetas: usize, interior_thetas: usize) -> PetalOptics {
         };
         share[k] / PI * shape
     });
+    let share = |value: f64| Estimate { value, standard_error: 0.0 };
+    for side in [Side::Adaxial, Side::Abaxial] {
+        for i in 0..thetas {
+            let incident_deg = surface.theta_deg(i);
+            let shares = optics.lamp_shares(side, incident_deg);
+            let interior = |out: usize| shares.interior.iter().map(|s| s[out]).sum::<f64>();
+            optics.totals.push(WhiteTotals {
+                side,
+                incident_deg,
+                surface: share(shares.surface[0]),
+                interior: share(interior(0)),
+                transmitted: share(interior(1)),
+            });
+        }
+    }
     optics
 }

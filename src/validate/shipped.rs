@@ -1,10 +1,14 @@
 //! The models that the program ships, with representative parameters: what `rosarium check` checks.
 
 use super::sheet::sheet;
+use std::ops::ControlFlow;
+use std::sync::Arc;
+
 use super::{Report, Test};
 use crate::Result;
 use crate::bsdf::{Bsdf, DiffuseTransmission, Lambert, LiteralPhong, Phong};
-use crate::gonio::TabulatedBsdf;
+use crate::gonio::{TabulatedBsdf, WhiteMonteCarlo};
+use crate::micro::CellWalk;
 use crate::micro::shading::CellPetal;
 use crate::scene::description::{PetalDescription, SpectrumDescription, TransmissionDescription};
 use crate::scene::petal::PRESETS;
@@ -50,7 +54,7 @@ pub fn shipped() -> Result<Vec<Shipped>> {
     let pigment =
         |strength: f64| Spectrum::from_fn(move |nm| strength * (-((nm - 540.0) / 50.0).powi(2)).exp());
     let tabulated =
-        TabulatedBsdf::new(&sheet(18, 9), [pigment(0.05), 0.0.into(), 0.0.into(), pigment(0.02)])?;
+        TabulatedBsdf::new(&sheet(6, 4), [pigment(0.05), 0.0.into(), 0.0.into(), pigment(0.02)])?;
     let models: Vec<(&'static str, Box<dyn Bsdf>)> = vec![
         ("lambert", Box::new(Lambert::new(0.5.into())?)),
         ("lambert white", Box::new(Lambert::new(1.0.into())?)),
@@ -97,5 +101,29 @@ pub fn shipped_petals() -> Result<Vec<(&'static str, CellPetal)>> {
         indirect_exponent: 6.0,
     };
     all.push(("transmission lobes", lobes.compile("", &MemoryAssets::default())?));
+    Ok(all)
+}
+
+/// Every petal with a tissue that comes with the program, coarsely measured, for [`super::check_bsdf`]: what is checked does not
+/// depend on the number of walks or bins.
+pub fn shipped_tissues() -> Result<Vec<(&'static str, TabulatedBsdf)>> {
+    let instrument = WhiteMonteCarlo {
+        walks: 6000,
+        thetas: 6,
+        surface_phis: 6,
+        interior_phis: 4,
+        classes: 8,
+        ..WhiteMonteCarlo::default()
+    };
+    let mut all = Vec::new();
+    for &(name, text) in PRESETS {
+        let description = load::<PetalDescription>(text, name, &[])?.description;
+        if let Some(tissue) = description.build_tissue("")? {
+            let tissue = Arc::new(tissue);
+            let walk = CellWalk::new(tissue.clone());
+            let optics = instrument.measure(&walk, tissue.depth_um, &|_, _| ControlFlow::Continue(()))?;
+            all.push((name, TabulatedBsdf::of_tissue(&optics, &tissue)?));
+        }
+    }
     Ok(all)
 }

@@ -4,26 +4,10 @@
 //! nodes the density `f cos` of its exit directions is a mixture with positive weights: of the two incident nodes, of the
 //! classes, of the exitant nodes. Everything here is the precomputed weights of that mixture.
 
-use std::f32::consts::{FRAC_PI_2, PI};
-
-use super::hats::{Between, Polar, azimuth_measure, draw_azimuth};
-use super::{MAX_CLASSES, Way, index};
+use super::hats::{Polar, draw_azimuth};
+use super::{Way, index};
 use crate::geometry::Side;
-use crate::gonio::petal_optics::{AngularTable, PARTS, Part};
-use crate::{Error, Result};
-
-/// Reflection tables may differ from their transpose by this share of their largest value.
-const SYMMETRY_TOLERANCE: f32 = 1e-5;
-
-/// Polar angles of two directions and the angle between their azimuths, radians.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Angles {
-    pub(super) part: Part,
-    /// The first index of the table.
-    pub(super) a: f32,
-    pub(super) b: f32,
-    pub(super) phi: f32,
-}
+use crate::gonio::{AngularTable, Nodes, Part, Place};
 
 /// A table with the weights for drawing from it.
 #[derive(Clone, Debug)]
@@ -38,8 +22,8 @@ pub(super) struct Component {
 }
 
 impl Component {
-    pub(super) fn new(table: &AngularTable, at: &str) -> Result<Self> {
-        check(table, at)?;
+    /// From a valid table.
+    pub(super) fn new(table: &AngularTable) -> Self {
         let mut component = Self {
             table: table.clone(),
             polar: Polar::new(table.grid.thetas),
@@ -47,7 +31,7 @@ impl Component {
             cumulative: Vec::new(),
         };
         component.accumulate();
-        Ok(component)
+        component
     }
 
     /// Bytes of the tables.
@@ -59,14 +43,9 @@ impl Component {
         self.table.classes
     }
 
-    pub(super) fn thetas(&self) -> usize {
-        self.table.grid.thetas
-    }
-
     fn accumulate(&mut self) {
         let (thetas, phis, classes) = (self.table.grid.thetas, self.table.grid.phis, self.table.classes);
-        // Both turns of the azimuth.
-        let d_phi = 2.0 * azimuth_measure(phis);
+        let (measures, d_phi) = (self.table.grid.theta_measures(), self.table.grid.phi_measure());
         for side in [Side::Adaxial, Side::Abaxial] {
             for way in Way::BOTH {
                 for node in 0..thetas {
@@ -75,7 +54,7 @@ impl Component {
                         let rows: Vec<f64> = (0..thetas)
                             .map(|j| {
                                 let sum: f64 = (0..phis).map(|p| value(j, p)).sum();
-                                sum * self.polar.measure(j) * d_phi
+                                sum * measures[j] * d_phi
                             })
                             .collect();
                         let row = shares(rows.iter().copied());
@@ -103,38 +82,23 @@ impl Component {
 
     /// Adds the interpolated value of each class.
     #[inline]
-    pub(super) fn add(&self, at: &Angles, sums: &mut [f32]) {
-        let (thetas, phis) = (self.table.grid.thetas, self.table.grid.phis);
-        let a = Between::new(at.a, FRAC_PI_2, thetas);
-        let b = Between::new(at.b, FRAC_PI_2, thetas);
-        let phi = Between::new(at.phi, PI, phis);
-        for (i, wa) in a.nodes() {
-            for (j, wb) in b.nodes() {
-                for (p, wp) in phi.nodes() {
-                    let w = wa * wb * wp;
-                    // Most corners count; a zero weight costs less than a branch, but not where it doubles a node.
-                    for (sum, v) in sums.iter_mut().zip(self.table.bin(at.part, i, j, p)) {
-                        *sum += w * v;
-                    }
-                }
+    pub(super) fn add(&self, place: &Place, sums: &mut [f32]) {
+        for (first, weight) in self.table.corners(place) {
+            for (sum, v) in sums.iter_mut().zip(&self.table.values[first..first + self.table.classes]) {
+                *sum += weight * v;
             }
         }
     }
 
     /// The two nodes around the polar angle of the incident direction.
-    pub(super) fn incident(&self, theta: f32) -> Between {
-        Between::new(theta, FRAC_PI_2, self.thetas())
+    pub(super) fn incident(&self, theta: f32) -> Nodes {
+        self.table.grid.theta_nodes(theta)
     }
 
     /// Albedo of one class at a node.
     pub(super) fn albedo_at(&self, side: Side, way: Way, node: usize) -> &[f32] {
-        let first = index(side, way, node, self.thetas()) * self.table.classes;
+        let first = index(side, way, node, self.table.grid.thetas) * self.table.classes;
         &self.albedo[first..first + self.table.classes]
-    }
-
-    /// White share of light at `theta` that leaves, all classes.
-    pub(super) fn white_albedo(&self, side: Side, node: usize) -> f32 {
-        Way::BOTH.iter().map(|&way| self.albedo_at(side, way, node).iter().sum::<f32>()).sum()
     }
 
     /// Exitant polar angle and turn of the azimuth (radians, with sign) for light at a node.
@@ -180,40 +144,4 @@ fn search(cumulative: &[f32], u: f32) -> (usize, f64) {
     // A number of 24 bits stands for the interval that follows it.
     let within = (f64::from(u) + 0.5f64.powi(25) - low) / width.max(f64::MIN_POSITIVE);
     (i, within.clamp(0.0, 1.0 - 1e-9))
-}
-
-fn check(table: &AngularTable, at: &str) -> Result<()> {
-    let bad = |what: String| Err(Error::invalid(at, what));
-    let (thetas, phis, classes) = (table.grid.thetas, table.grid.phis, table.classes);
-    if thetas == 0 || phis == 0 || classes == 0 || classes > MAX_CLASSES {
-        return bad(format!(
-            "{thetas} x {phis} bins of {classes} classes; at least 1 of each, at most {MAX_CLASSES} classes"
-        ));
-    }
-    let length = thetas.checked_pow(2).and_then(|n| n.checked_mul(phis)?.checked_mul(classes * PARTS));
-    if length != Some(table.values.len()) {
-        return bad(format!(
-            "{} values for {thetas} x {thetas} x {phis} bins of {classes} classes",
-            table.values.len()
-        ));
-    }
-    if let Some(v) = table.values.iter().find(|v| !(v.is_finite() && **v >= 0.0)) {
-        return bad(format!("the value {v} is negative or not a finite number"));
-    }
-    let largest = table.values.iter().copied().fold(0.0, f32::max);
-    for part in [Part::Adaxial, Part::Abaxial] {
-        for a in 0..thetas {
-            for b in 0..a {
-                for p in 0..phis {
-                    let pairs = table.bin(part, a, b, p).iter().zip(table.bin(part, b, a, p));
-                    if let Some((v, w)) =
-                        pairs.into_iter().find(|(v, w)| (*v - *w).abs() > SYMMETRY_TOLERANCE * largest)
-                    {
-                        return bad(format!("not reciprocal: {v} from bin {a} to {b}, {w} back"));
-                    }
-                }
-            }
-        }
-    }
-    Ok(())
 }

@@ -1,43 +1,19 @@
-//! Hats over an angle: what a table's nodes stand for where it is linear between them, and how to draw from them.
+//! Drawing from the hats of a table's nodes ([`crate::gonio::angular`]).
 //!
-//! Model: n nodes at the middles of n equal bins. The hat of a node is one at it, falls linearly to zero at its
-//! neighbours, and stays one from an outermost node to the end of the range; the hats of all nodes sum to one. Then
-//! `f = sum over nodes of f_node hat_node`, and drawing from f is drawing a node in proportion to `f_node m_node` and then
-//! from its hat. The measures m are
+//! Model: a table that is linear between its nodes is a sum of hats, `f = sum over nodes of f_node hat_node`; drawing from it
+//! is drawing a node in proportion to `f_node m_node`, m the measure of its hat, and then an angle with a density in
+//! proportion to
 //!
 //! ```text
-//! polar:    m = integral of hat(theta) cos(theta) sin(theta) d theta   over 0 to 90 deg
-//! azimuth:  m = integral of hat(phi) d phi                             over 0 to 180 deg
+//! polar:    hat(theta) cos(theta) sin(theta)   over 0 to 90 deg
+//! azimuth:  hat(phi)                           over 0 to 180 deg
 //! ```
 //!
-//! Both have closed forms. Drawing inverts the azimuth's by a square root, the polar angle's by Newton's method.
-//! Guarded by `measures_are_integrals` and `draws_follow_the_hats`.
+//! The integrals of both have closed forms; the azimuth's is inverted by a square root, the polar angle's by Newton's
+//! method. Guarded by `draws_follow_the_hats`.
 //! Source: our reading.
 
 use std::f64::consts::{FRAC_PI_2, PI};
-
-/// Two neighbouring nodes around an angle, and the weight of the second.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Between {
-    pub(super) first: usize,
-    pub(super) second: usize,
-    pub(super) t: f32,
-}
-
-impl Between {
-    /// `angle` within `range`, which `nodes` bins divide.
-    pub(super) fn new(angle: f32, range: f32, nodes: usize) -> Self {
-        let last = nodes - 1;
-        let x = (angle / range * nodes as f32 - 0.5).clamp(0.0, last as f32);
-        let first = (x as usize).min(last.saturating_sub(1));
-        Self { first, second: (first + 1).min(last), t: x - first as f32 }
-    }
-
-    /// Both nodes with their weights.
-    pub(super) fn nodes(&self) -> [(usize, f32); 2] {
-        [(self.first, 1.0 - self.t), (self.second, self.t)]
-    }
-}
 
 /// The hats of a polar angle, weighted by `cos sin`.
 #[derive(Clone, Debug)]
@@ -58,11 +34,6 @@ impl Polar {
             })
             .collect();
         hats
-    }
-
-    /// m of a node.
-    pub(super) fn measure(&self, node: usize) -> f64 {
-        self.measures[node].1
     }
 
     /// One side of a hat, as a linear function over an interval. The parts beyond the outermost nodes are constant.
@@ -141,14 +112,9 @@ impl Piece {
     }
 }
 
-/// m of every hat of an azimuth over 0 to 180 deg.
-pub(super) fn azimuth_measure(nodes: usize) -> f64 {
-    PI / nodes as f64
-}
-
 /// An azimuth from the hat of a node; `u` in [0, 1).
 pub(super) fn draw_azimuth(nodes: usize, node: usize, u: f64) -> f64 {
-    let step = azimuth_measure(nodes);
+    let step = PI / nodes as f64;
     let centre = (node as f64 + 0.5) * step;
     // Half of every hat lies on each side of its node: a triangle over a bin, or half a bin at an end.
     let v = if u < 0.5 { 2.0 * u } else { 2.0 - 2.0 * u };
@@ -159,35 +125,12 @@ pub(super) fn draw_azimuth(nodes: usize, node: usize, u: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::gonio::{AngleGrid, Nodes};
     use crate::math::quadrature::GaussLegendre;
     use crate::math::stats::chi_square_test;
 
-    fn weight(angle: f64, range: f64, nodes: usize, node: usize) -> f64 {
-        let b = Between::new(angle as f32, range as f32, nodes);
-        b.nodes().iter().filter(|n| n.0 == node).map(|n| f64::from(n.1)).sum()
-    }
-
-    /// Integral over the whole range, split at every node and bin edge.
-    fn integral(range: f64, nodes: usize, f: impl Fn(f64) -> f64) -> f64 {
-        let rule = GaussLegendre::new(8);
-        let step = range / (2 * nodes) as f64;
-        (0..2 * nodes).map(|i| rule.integrate(i as f64 * step, (i + 1) as f64 * step, &f)).sum()
-    }
-
-    #[test]
-    fn measures_are_integrals() {
-        for nodes in [1, 2, 9, 18] {
-            let polar = Polar::new(nodes);
-            let mut sum = 0.0;
-            for i in 0..nodes {
-                let m = integral(FRAC_PI_2, nodes, |t| weight(t, FRAC_PI_2, nodes, i) * t.sin() * t.cos());
-                assert!((m - polar.measure(i)).abs() < 1e-6 * m, "{nodes} {i}: {m} {}", polar.measure(i));
-                let m = integral(PI, nodes, |t| weight(t, PI, nodes, i));
-                assert!((m - azimuth_measure(nodes)).abs() < 1e-6 * m, "{nodes} {i}: {m}");
-                sum += polar.measure(i);
-            }
-            assert!((sum - 0.5).abs() < 1e-12, "{sum}");
-        }
+    fn weight(nodes: Nodes, node: usize) -> f64 {
+        nodes.both().iter().filter(|n| n.0 == node).map(|n| f64::from(n.1)).sum()
     }
 
     #[test]
@@ -212,11 +155,13 @@ mod tests {
             assert!(chi2 < 1.0, "{nodes}: {chi2}");
         };
         for nodes in [1, 2, 9, 18] {
+            let grid = AngleGrid { thetas: nodes, phis: nodes };
             let polar = Polar::new(nodes);
-            for i in 0..nodes {
-                let density = |t: f64| weight(t, FRAC_PI_2, nodes, i) * t.sin() * t.cos();
+            for (i, measure) in grid.theta_measures().iter().enumerate() {
+                assert!((polar.measures[i].1 / measure - 1.0).abs() < 1e-12);
+                let density = |t: f64| weight(grid.theta_nodes(t as f32), i) * t.sin() * t.cos();
                 check(FRAC_PI_2, &|u| polar.draw(i, u), &density, nodes);
-                check(PI, &|u| draw_azimuth(nodes, i, u), &|t| weight(t, PI, nodes, i), nodes);
+                check(PI, &|u| draw_azimuth(nodes, i, u), &|t| weight(grid.phi_nodes(t as f32), i), nodes);
             }
         }
     }

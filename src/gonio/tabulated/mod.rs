@@ -3,14 +3,14 @@
 //! Model: the tables of [`PetalOptics`], linear between the nodes of their angles, with what pigment leaves of each class:
 //!
 //! ```text
-//! f(wo, wi) = s(wo, wi) + sum over k of i_k(wo, wi) E_k,   E_k(lambda) = exp(-sum over regions r of c_r mu_r(lambda) l_kr)
-//! a(wo)     = integral of f |cos(wi)| dwi                  in closed form, from the tables
-//! pdf(wi)   = mean f |cos(wi)| / mean a(wo)                means over the wavelengths of the path
+//! f(wo, wi) = s(wo, wi) + sum over k of i_k(wo, wi) e_k(c mu(lambda))
+//! a(wo)     = integral of f |cos(wi)| dwi           in closed form, from the tables
+//! pdf(wi)   = mean f |cos(wi)| / mean a(wo)         means over the wavelengths of the path
 //! ```
 //!
 //! | symbol | field | unit | default |
 //! |---|---|---|---|
-//! | s, i_k, l_k | [`PetalOptics`] | 1/sr, um | none |
+//! | s, i_k, e_k | [`PetalOptics`] | 1/sr, 1/sr, share | none |
 //! | mu_r | `absorption_per_um` | 1/um | none |
 //! | c_r | `scale` | pure number | 1 |
 //!
@@ -19,7 +19,7 @@
 //! drawn from its hat, so directions have exactly the density above, and a sample's weight `f cos / pdf` is `a` but for the
 //! difference of its colour from the mean. No wavelength's weight exceeds [`LANES`] times the mean albedo.
 //!
-//! **Energy.** At a node `a` is the measured share, checked to be at most one; between nodes a linear mixture of two.
+//! **Energy.** At a node `a` is the measured share, at most one ([`PetalOptics::validate`]); between nodes a linear mixture of two.
 //!
 //! Limits: reciprocal to the last bit (`reciprocal_to_the_last_bit`); samples follow the pdf and energy is kept
 //! (`tests/conformance.rs`); the albedo is the integral of f (`albedo_is_the_integral`); pigment multiplies by Beer-Lambert
@@ -32,20 +32,19 @@ mod component;
 mod hats;
 mod spectral;
 
-use std::f32::consts::FRAC_PI_2;
-
 use glam::{Vec2, Vec3};
 
-use super::petal_optics::{Part, PetalOptics};
+use super::{Part, PetalOptics, Place};
 use crate::bsdf::{Bsdf, BsdfSample, Lobe};
 use crate::geometry::Side;
-use crate::math::exp::exp;
+use crate::math::exp::{exp, ln};
 use crate::math::frame::same_side;
 use crate::micro::{REGIONS, Tissue};
-use crate::spectrum::{LANES, SampledSpectrum, SampledWavelengths, Spectrum};
+use crate::spectrum::spectra::DENSE_SAMPLES;
+use crate::spectrum::{LANES, SampledSpectrum, SampledWavelengths, Spectrum, VISIBLE_NM};
 use crate::{Error, Result};
 
-use component::{Angles, Component};
+use component::Component;
 
 pub use spectral::{OpticsAtBands, measured_tissue};
 
@@ -53,8 +52,6 @@ pub use spectral::{OpticsAtBands, measured_tissue};
 pub const MAX_CLASSES: usize = 128;
 /// Most memory of a petal's tables.
 pub const MAX_BYTES: usize = 32 << 20;
-/// Rounding of f32 sums over a table.
-const ENERGY_TOLERANCE: f32 = 1e-3;
 
 /// Whether light comes back or passes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -77,39 +74,45 @@ fn index(side: Side, way: Way, node: usize, thetas: usize) -> usize {
 pub struct TabulatedBsdf {
     surface: Component,
     interior: Component,
-    paths_um: Vec<[f32; REGIONS]>,
+    /// Mean way of each class through each region, and the variance of the ways over it, um.
+    ways_um: Vec<[(f32, f32); REGIONS]>,
     absorption_per_um: [Spectrum; REGIONS],
+    /// e_k at every nm of the visible range.
+    remaining: Vec<f32>,
 }
 
 impl TabulatedBsdf {
     /// From a measured petal and the absorption of each region at pigment scale one. Errors name the field of the optics
     /// that is wrong.
     pub fn new(optics: &PetalOptics, absorption_per_um: [Spectrum; REGIONS]) -> Result<Self> {
-        let surface = Component::new(&optics.surface, "surface")?;
-        let interior = Component::new(&optics.interior, "interior")?;
-        if surface.classes() != 1 || interior.classes() != optics.paths_um.len() {
-            let what = format!(
-                "{} paths for {} classes of interior light",
-                optics.paths_um.len(),
-                interior.classes()
-            );
-            return Err(Error::invalid("paths_um", what));
-        }
-        if let Some(l) = optics.paths_um.iter().flatten().find(|l| !(l.is_finite() && **l >= 0.0)) {
-            return Err(Error::invalid("paths_um", format!("{l} um is negative or not a finite number")));
+        optics.validate("optics")?;
+        if optics.interior.classes > MAX_CLASSES {
+            let what = format!("{} classes; at most {MAX_CLASSES} can be rendered", optics.interior.classes);
+            return Err(Error::invalid("optics: interior", what));
         }
         for mu in &absorption_per_um {
             if !(mu.min() >= 0.0 && mu.max().is_finite()) {
                 return Err(Error::invalid("absorption", "negative or not a finite number"));
             }
         }
-        let bsdf = Self { surface, interior, paths_um: optics.paths_um.clone(), absorption_per_um };
+        let ways = |(path, spread): (&[f32; REGIONS], &[f32; REGIONS])| {
+            // Narrower than this, the ways of a class are all alike.
+            let ratio = |l: f32, s: f32| if s > 1e-4 * l { s * s / l } else { 0.0 };
+            std::array::from_fn(|r| (path[r], ratio(path[r], spread[r])))
+        };
+        let mut bsdf = Self {
+            surface: Component::new(&optics.surface),
+            interior: Component::new(&optics.interior),
+            ways_um: optics.paths_um.iter().zip(&optics.spreads_um).map(ways).collect(),
+            absorption_per_um,
+            remaining: Vec::new(),
+        };
+        bsdf.remaining = bsdf.remaining_at_every_nm();
         if bsdf.bytes() > MAX_BYTES {
             let what =
                 format!("its tables would take {} MiB; at most {}", bsdf.bytes() >> 20, MAX_BYTES >> 20);
             return Err(Error::invalid("optics", what));
         }
-        bsdf.check_energy()?;
         Ok(bsdf)
     }
 
@@ -118,35 +121,26 @@ impl TabulatedBsdf {
         Self::new(optics, spectral::absorption_per_um(tissue)?)
     }
 
-    /// Between nodes the albedo is between theirs, so the nodes of both tables are all that must be checked.
-    fn check_energy(&self) -> Result<()> {
-        for side in [Side::Adaxial, Side::Abaxial] {
-            let both = |theta: f32| {
-                let of = |c: &Component| -> f32 {
-                    c.incident(theta).nodes().iter().map(|&(node, w)| w * c.white_albedo(side, node)).sum()
-                };
-                of(&self.surface) + of(&self.interior)
-            };
-            for thetas in [self.surface.thetas(), self.interior.thetas()] {
-                for i in 0..thetas {
-                    let theta = (i as f32 + 0.5) / thetas as f32 * FRAC_PI_2;
-                    let a = both(theta);
-                    if a > 1.0 + ENERGY_TOLERANCE {
-                        let what = format!(
-                            "{a} of the light that falls on the {side:?} side at {:.1} deg would leave; at most 1 keeps the energy",
-                            theta.to_degrees()
-                        );
-                        return Err(Error::invalid("interior", what));
-                    }
-                }
+    fn remaining_at_every_nm(&self) -> Vec<f32> {
+        let nm = |i: usize| VISIBLE_NM.0 + i as f32;
+        let mut all = Vec::with_capacity(DENSE_SAMPLES * self.ways_um.len());
+        let mut eight = vec![[0.0; LANES]; self.ways_um.len()];
+        for first in (0..DENSE_SAMPLES).step_by(LANES) {
+            let lambda = SampledWavelengths::given(std::array::from_fn(|lane| nm(first + lane)));
+            remain(&std::array::from_fn(|r| self.absorption_per_um[r].sample(&lambda)), &self.ways_um, &mut eight);
+            for lane in 0..LANES.min(DENSE_SAMPLES - first) {
+                all.extend(eight.iter().map(|e| e[lane]));
             }
         }
-        Ok(())
+        all
     }
 
     /// Bytes of the tables.
     pub fn bytes(&self) -> usize {
-        self.surface.bytes() + self.interior.bytes() + size_of_val(&self.paths_um[..])
+        self.surface.bytes()
+            + self.interior.bytes()
+            + size_of_val(&self.ways_um[..])
+            + size_of_val(&self.remaining[..])
     }
 
     /// The petal where its pigments are `scale` times those of its absorption, ready for the wavelengths of a path.
@@ -158,16 +152,77 @@ impl TabulatedBsdf {
             remaining: [[0.0; LANES]; MAX_CLASSES],
             mean: [0.0; MAX_CLASSES],
         };
-        let mu: [SampledSpectrum; REGIONS] =
-            std::array::from_fn(|r| self.absorption_per_um[r].sample(lambda) * -scale[r].max(0.0));
-        let classes = at.remaining.iter_mut().zip(&mut at.mean).zip(&self.paths_um);
-        for ((remaining, mean), path) in classes {
-            let depth = mu.iter().zip(path).fold(SampledSpectrum::ZERO, |sum, (mu, &l)| sum + *mu * l);
-            *remaining = exp(depth.0);
-            *mean = SampledSpectrum(*remaining).mean();
+        let remaining = &mut at.remaining[..self.ways_um.len()];
+        if scale == [1.0; REGIONS] {
+            self.look_up(lambda, remaining);
+        } else {
+            let mu = std::array::from_fn(|r| self.absorption_per_um[r].sample(lambda) * scale[r].max(0.0));
+            remain(&mu, &self.ways_um, remaining);
+        }
+        for (mean, left) in at.mean.iter_mut().zip(remaining) {
+            *mean = left.iter().sum::<f32>() * (1.0 / LANES as f32);
         }
         at
     }
+
+    /// e_k at pigment scale one: linear between whole nm.
+    fn look_up(&self, lambda: &SampledWavelengths, remaining: &mut [[f32; LANES]]) {
+        let classes = self.ways_um.len();
+        for (lane, nm) in lambda.lambda_nm().iter().enumerate() {
+            let x = (nm - VISIBLE_NM.0).clamp(0.0, (DENSE_SAMPLES - 1) as f32);
+            let i = (x as usize).min(DENSE_SAMPLES - 2);
+            let t = x - i as f32;
+            let (low, high) = self.remaining[i * classes..(i + 2) * classes].split_at(classes);
+            for ((r, low), high) in remaining.iter_mut().zip(low).zip(high) {
+                r[lane] = low + (high - low) * t;
+            }
+        }
+    }
+}
+
+/// e_k of every class at eight wavelengths: the product over regions of `(1 + mu w)^(-l / w)`, l the mean way and w l the
+/// variance of the ways; `exp(-mu l)` where w is small.
+fn remain(
+    mu: &[SampledSpectrum; REGIONS],
+    ways_um: &[[(f32, f32); REGIONS]],
+    remaining: &mut [[f32; LANES]],
+) {
+    let coloured: [bool; REGIONS] = std::array::from_fn(|r| !mu[r].is_zero());
+    for (remaining, ways) in remaining.iter_mut().zip(ways_um) {
+        let mut depth = [0.0; LANES];
+        for r in 0..REGIONS {
+            let ((l, w), mu) = (ways[r], &mu[r].0);
+            if !coloured[r] || l == 0.0 {
+                continue;
+            }
+            let mut y = [1.0; LANES];
+            for lane in 0..LANES {
+                y[lane] += mu[lane] * w;
+            }
+            let ln = ln(y);
+            for lane in 0..LANES {
+                let x = mu[lane] * w;
+                // ln(1 + x) / x loses its digits near zero, where its series is short.
+                let series = 1.0 - x * (0.5 - x * (1.0 / 3.0 - x * (0.25 - x * 0.2)));
+                let ratio = if x < 0.03 { series } else { ln[lane] / x };
+                depth[lane] -= mu[lane] * l * ratio;
+            }
+        }
+        *remaining = exp(depth);
+    }
+}
+
+/// Sum of products, in eight sums side by side.
+fn dot(a: &[f32], b: &[f32]) -> f32 {
+    let mut sums = [0.0; 8];
+    let (a8, b8) = (a.chunks_exact(8), b[..a.len()].chunks_exact(8));
+    let rest: f32 = a8.remainder().iter().zip(b8.remainder()).map(|(a, b)| a * b).sum();
+    for (a, b) in a8.zip(b8) {
+        for i in 0..8 {
+            sums[i] += a[i] * b[i];
+        }
+    }
+    sums.iter().sum::<f32>() + rest
 }
 
 /// A [`TabulatedBsdf`] at an amount of pigment. Made for the wavelengths of a path; at others it makes itself anew.
@@ -176,7 +231,7 @@ pub struct AtPigment<'a> {
     table: &'a TabulatedBsdf,
     scale: [f32; REGIONS],
     lambda: SampledWavelengths,
-    /// E_k per wavelength.
+    /// e_k per wavelength.
     remaining: [[f32; LANES]; MAX_CLASSES],
     /// Their means over the wavelengths.
     mean: [f32; MAX_CLASSES],
@@ -196,29 +251,30 @@ fn between_azimuths(a: Vec3, b: Vec3) -> f32 {
     a.perp_dot(b).abs().atan2(a.dot(b))
 }
 
-impl AtPigment<'_> {
-    fn angles(wo: Vec3, wi: Vec3) -> Angles {
-        let (o, i, phi) = (polar(wo), polar(wi), between_azimuths(wo, wi));
-        let (part, a, b) = match (same_side(wo, wi), wo.z > 0.0) {
-            // The table is symmetric; one order makes the arithmetic so, too.
-            (true, true) => (Part::Adaxial, o.min(i), o.max(i)),
-            (true, false) => (Part::Abaxial, o.min(i), o.max(i)),
-            (false, true) => (Part::Through, o, i),
-            (false, false) => (Part::Through, i, o),
-        };
-        Angles { part, a, b, phi }
-    }
+/// Where two directions stand in the tables; the same to the last bit when they change places.
+fn place(wo: Vec3, wi: Vec3) -> Place {
+    let (o, i, phi) = (polar(wo), polar(wi), between_azimuths(wo, wi));
+    let (part, theta_a, theta_b) = match (same_side(wo, wi), wo.z > 0.0) {
+        // The table is symmetric; one order makes the arithmetic so, too.
+        (true, true) => (Part::Adaxial, o.min(i), o.max(i)),
+        (true, false) => (Part::Abaxial, o.min(i), o.max(i)),
+        (false, true) => (Part::Through, o, i),
+        (false, false) => (Part::Through, i, o),
+    };
+    Place { part, theta_a, theta_b, phi }
+}
 
+impl AtPigment<'_> {
     fn value(&self, wo: Vec3, wi: Vec3) -> SampledSpectrum {
         if wo.z == 0.0 || wi.z == 0.0 {
             return SampledSpectrum::ZERO;
         }
-        let angles = Self::angles(wo, wi);
+        let place = place(wo, wi);
         let mut surface = [0.0];
-        self.table.surface.add(&angles, &mut surface);
+        self.table.surface.add(&place, &mut surface);
         let mut interior = [0.0; MAX_CLASSES];
         let interior = &mut interior[..self.table.interior.classes()];
-        self.table.interior.add(&angles, interior);
+        self.table.interior.add(&place, interior);
         let mut f = [surface[0]; LANES];
         for (i, remaining) in interior.iter().zip(&self.remaining) {
             for (f, r) in f.iter_mut().zip(remaining) {
@@ -234,10 +290,10 @@ impl AtPigment<'_> {
         let theta = polar(wo);
         Way::BOTH.map(|way| {
             let mut sum = SampledSpectrum::ZERO;
-            for (node, w) in self.table.surface.incident(theta).nodes() {
+            for (node, w) in self.table.surface.incident(theta).both() {
                 sum += SampledSpectrum::splat(w * self.table.surface.albedo_at(side, way, node)[0]);
             }
-            for (node, w) in self.table.interior.incident(theta).nodes() {
+            for (node, w) in self.table.interior.incident(theta).both() {
                 for (a, r) in self.table.interior.albedo_at(side, way, node).iter().zip(self.remaining) {
                     sum += SampledSpectrum(r) * (w * a);
                 }
@@ -248,12 +304,17 @@ impl AtPigment<'_> {
 
     /// Mean albedo over the wavelengths, all ways.
     fn mean_albedo(&self, wo: Vec3) -> f32 {
-        let mut sum = 0.0;
-        self.branches(wo, |weight, _| {
-            sum += weight;
-            false
-        });
-        sum
+        let (side, theta) = (Side::of(wo), polar(wo));
+        let of = |component: &Component, mean: &[f32]| {
+            let mut sum = 0.0;
+            for (node, w) in component.incident(theta).both() {
+                for way in Way::BOTH {
+                    sum += w * dot(component.albedo_at(side, way, node), mean);
+                }
+            }
+            sum
+        };
+        of(&self.table.surface, &[1.0]) + of(&self.table.interior, &self.mean)
     }
 
     /// Calls `visit` with the weight of every part of the mixture up to the classes, until it says that it has enough.
@@ -262,7 +323,7 @@ impl AtPigment<'_> {
         let side = Side::of(wo);
         let theta = polar(wo);
         for (is_surface, component) in [(true, &self.table.surface), (false, &self.table.interior)] {
-            let [(n0, w0), (n1, w1)] = component.incident(theta).nodes();
+            let [(n0, w0), (n1, w1)] = component.incident(theta).both();
             for way in Way::BOTH {
                 let (first, second) =
                     (component.albedo_at(side, way, n0), component.albedo_at(side, way, n1));
@@ -296,8 +357,7 @@ impl AtPigment<'_> {
         if wo.z == 0.0 {
             return None;
         }
-        let total = self.mean_albedo(wo);
-        let target = u_lobe * total;
+        let target = u_lobe * self.mean_albedo(wo);
         let (mut sum, mut chosen) = (0.0, None);
         self.branches(wo, |weight, branch| {
             if weight > 0.0 {
@@ -309,7 +369,7 @@ impl AtPigment<'_> {
         let (branch, within) = chosen?;
         let (side, way) = (Side::of(wo), branch.way);
         let component = if branch.is_surface { &self.table.surface } else { &self.table.interior };
-        let nodes = component.incident(polar(wo)).nodes();
+        let nodes = component.incident(polar(wo)).both();
         let [first, second] = nodes.map(|(node, w)| w * component.albedo_at(side, way, node)[branch.class]);
         let node = if within * (first + second) < first { nodes[0].0 } else { nodes[1].0 };
         let (theta, turn) = component.draw((side, way, node, branch.class), u);

@@ -1,13 +1,13 @@
 //! A measured petal at chosen wavelengths, for formats and plots, and the absorption of its pigments.
 //!
-//! Model: as [`super::TabulatedBsdf`], with E_k computed once per wavelength from the tissue that was measured; the
+//! Model: as [`super::TabulatedBsdf`], with e_k computed once per wavelength from the tissue that was measured; the
 //! wavelengths may be any for which its pigments have data. Guarded by `bands_agree_with_the_bsdf`.
 //! Source: our reading.
 
 use glam::DVec3;
 use serde::Deserialize;
 
-use super::{AtPigment, MAX_CLASSES, TabulatedBsdf};
+use super::{MAX_CLASSES, TabulatedBsdf, place};
 use crate::gonio::directional::{Coverage, Directional};
 use crate::gonio::measurement::Band;
 use crate::gonio::petal_optics::PetalOptics;
@@ -52,7 +52,7 @@ pub(super) fn absorption_per_um(tissue: &Tissue) -> Result<[Spectrum; REGIONS]> 
 pub struct OpticsAtBands {
     bands: Vec<Band>,
     tables: TabulatedBsdf,
-    /// E_k per band.
+    /// e_k per band.
     remaining: Vec<Vec<f64>>,
 }
 
@@ -69,11 +69,7 @@ impl OpticsAtBands {
             if !(nm > 0.0 && nm.is_finite()) {
                 return Err(Error::invalid("wavelengths", format!("{nm} nm is no wavelength")));
             }
-            let mu = tissue.absorption_per_um(nm)?;
-            let left = |path: &[f32; REGIONS]| {
-                (-mu.iter().zip(path).map(|(mu, l)| mu * f64::from(*l)).sum::<f64>()).exp()
-            };
-            Ok(optics.paths_um.iter().map(left).collect())
+            Ok(optics.remaining(&tissue.absorption_per_um(nm)?))
         };
         let remaining = wavelengths_nm.iter().map(at).collect::<Result<_>>()?;
         Ok(Self { bands: wavelengths_nm.iter().map(|&nm| Band::nm(nm)).collect(), tables, remaining })
@@ -95,11 +91,11 @@ impl Directional for OpticsAtBands {
     }
 
     fn bsdf(&self, wi: DVec3, wo: DVec3, values: &mut [f64]) -> bool {
-        let angles = AtPigment::angles(wo.as_vec3(), wi.as_vec3());
+        let place = place(wo.as_vec3(), wi.as_vec3());
         let mut surface = [0.0];
-        self.tables.surface.add(&angles, &mut surface);
+        self.tables.surface.add(&place, &mut surface);
         let mut interior = [0.0; MAX_CLASSES];
-        self.tables.interior.add(&angles, &mut interior[..self.tables.interior.classes()]);
+        self.tables.interior.add(&place, &mut interior[..self.tables.interior.classes()]);
         for (value, remaining) in values.iter_mut().zip(&self.remaining) {
             let inner: f64 = remaining.iter().zip(interior).map(|(r, i)| r * f64::from(i)).sum();
             *value = f64::from(surface[0]) + inner;

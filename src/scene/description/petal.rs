@@ -24,6 +24,37 @@ pub struct PetalDescription {
     /// Layers that light walks through. Where they are given they take the place of `shading`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tissue: Option<TissueDescription>,
+    /// File of a measured petal (`.optics`), read instead of measuring `tissue`. Where both are given they must be of the
+    /// same shape; the pigments are those of `tissue`, which may differ.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub optics: Option<String>,
+    /// Walks of light per side that measure `tissue`, 1e4 to 1e9. Default 1e6.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub walks: Option<u64>,
+    /// Pigment that changes along the petal. Only with `tissue` or `optics`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gradient: Option<GradientDescription>,
+    /// Picture (PNG, JPEG, HDR, EXR) whose brightness multiplies the pigments of both epidermes; bottom row at the claw,
+    /// stretched over the petal. 8-bit pictures are sRGB-encoded: 188 is one half. Only with `tissue` or `optics`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub texture: Option<String>,
+}
+
+/// `[petal.gradient]`: factors of the pigments of both epidermes, with a smooth course between the petal's ends. A shape
+/// without texture coordinates is all claw.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct GradientDescription {
+    /// At the claw, the narrow lower end; v = 0. 0 to 100. Default 1.
+    pub claw: f64,
+    /// At the rim; v = 1. 0 to 100. Default 1.
+    pub rim: f64,
+}
+
+impl Default for GradientDescription {
+    fn default() -> Self {
+        Self { claw: 1.0, rim: 1.0 }
+    }
 }
 
 /// Which layers shade the petal.
@@ -111,6 +142,10 @@ impl Default for PetalDescription {
             cells: CellDescription::default(),
             shading: ShadingDescription::default(),
             tissue: None,
+            optics: None,
+            walks: None,
+            gradient: None,
+            texture: None,
         }
     }
 }
