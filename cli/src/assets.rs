@@ -66,7 +66,8 @@ fn kept(file: &Path) -> Option<PetalOptics> {
 /// Keeps a petal. Without a place for it the work is done, only not kept.
 fn keep(file: &Path, optics: &PetalOptics, global: Global) {
     let written = petal_optics::write(optics).map_err(|e| e.to_string());
-    if let Err(e) = written.and_then(|bytes| cell_model::write_whole(file, &bytes).map_err(|e| e.to_string())) {
+    if let Err(e) = written.and_then(|bytes| cell_model::write_whole(file, &bytes).map_err(|e| e.to_string()))
+    {
         progress::say(global, &format!("{}: not kept for the next run: {e}", file.display()));
     }
 }

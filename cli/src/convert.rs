@@ -119,7 +119,10 @@ fn function(args: &Args, files: &[PathBuf]) -> Result<(String, Box<dyn Direction
     if let [file] = files {
         let mut sources = args.data.sources(files)?;
         // A function is asked as it is; a table of ours knows its own totals.
-        if let Some(Source { measured: m @ (Measured::Function(_) | Measured::Table(_) | Measured::Optics(_)), .. }) = sources.pop()
+        if let Some(Source {
+            measured: m @ (Measured::Function(_) | Measured::Table(_) | Measured::Optics(_)),
+            ..
+        }) = sources.pop()
         {
             return Ok((data::stem(file), args.data.chosen_bands(m.into_function()?)?));
         }

@@ -135,10 +135,12 @@ struct Shape<'a> {
 /// The tissue without its pigments, which no walk depends on.
 fn colourless(tissue: &TissueDescription) -> TissueDescription {
     let mut tissue = tissue.clone();
-    for pigments in [&mut tissue.adaxial, &mut tissue.abaxial].into_iter().flatten().map(|e| &mut e.pigments) {
+    for pigments in [&mut tissue.adaxial, &mut tissue.abaxial].into_iter().flatten().map(|e| &mut e.pigments)
+    {
         *pigments = Pigments::default();
     }
-    for pigments in [&mut tissue.palisade, &mut tissue.spongy].into_iter().flatten().map(|s| &mut s.pigments) {
+    for pigments in [&mut tissue.palisade, &mut tissue.spongy].into_iter().flatten().map(|s| &mut s.pigments)
+    {
         *pigments = Pigments::default();
     }
     tissue
@@ -219,8 +221,7 @@ impl PetalDescription {
         };
         if let Some(file) = &self.optics {
             let key = root("optics");
-            let optics =
-                key.says(assets.read(file).and_then(|bytes| io::petal_optics::read(&bytes)))?;
+            let optics = key.says(assets.read(file).and_then(|bytes| io::petal_optics::read(&bytes)))?;
             let (cells, description) = key.says(measured_tissue(&optics.description))?;
             let tissue = match own {
                 None => key.says(Tissue::new(&description, &cells, "tissue"))?,
@@ -294,7 +295,12 @@ mod tests {
             let found = petal.at(uv, &lambda).eval(wo, wi, &lambda);
             let wanted = petal.bsdf().at([epidermes, 1.0, 1.0, epidermes], &lambda).eval(wo, wi, &lambda);
             for lane in 0..8 {
-                assert!((found[lane] / wanted[lane] - 1.0).abs() < 2e-3, "{uv}: {} {}", found[lane], wanted[lane]);
+                assert!(
+                    (found[lane] / wanted[lane] - 1.0).abs() < 2e-3,
+                    "{uv}: {} {}",
+                    found[lane],
+                    wanted[lane]
+                );
             }
         };
         let plain = tabulated("optics = \"sheet.optics\"");

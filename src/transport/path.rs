@@ -137,7 +137,8 @@ impl Integrator for Path {
             }
 
             let points = if depth == 0 { scene.petal.samples } else { 1 };
-            let shading = Shading::new(scene, at, -ray.direction, lambda, (depth == 0).then_some(pixel), points);
+            let shading =
+                Shading::new(scene, at, -ray.direction, lambda, (depth == 0).then_some(pixel), points);
             let dimension = dimension_of(depth);
             if depth == 0 && lights.emitters().len() <= MAX_EACH {
                 drawing = Drawing::Each;

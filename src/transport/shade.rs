@@ -106,8 +106,7 @@ impl<'a> Shading<'a> {
                 (f * cos, Some(pdf_per_sr))
             }
             Model::Cells(petal) => {
-                let f =
-                    petal.estimate(self.wo_local, wi_local, lambda, self.footprint, self.points, sampler);
+                let f = petal.estimate(self.wo_local, wi_local, lambda, self.footprint, self.points, sampler);
                 (f * cos, None)
             }
         }

@@ -53,8 +53,7 @@ pub fn shipped() -> Result<Vec<Shipped>> {
     // Absorption of pigment, 1/um, from a strong band in the green to none in the red.
     let pigment =
         |strength: f64| Spectrum::from_fn(move |nm| strength * (-((nm - 540.0) / 50.0).powi(2)).exp());
-    let tabulated =
-        TabulatedBsdf::new(&sheet(6, 4), [pigment(0.05), 0.0.into(), 0.0.into(), pigment(0.02)])?;
+    let tabulated = TabulatedBsdf::new(&sheet(6, 4), [pigment(0.05), 0.0.into(), 0.0.into(), pigment(0.02)])?;
     let models: Vec<(&'static str, Box<dyn Bsdf>)> = vec![
         ("lambert", Box::new(Lambert::new(0.5.into())?)),
         ("lambert white", Box::new(Lambert::new(1.0.into())?)),

@@ -127,7 +127,11 @@ impl TabulatedBsdf {
         let mut eight = vec![[0.0; LANES]; self.ways_um.len()];
         for first in (0..DENSE_SAMPLES).step_by(LANES) {
             let lambda = SampledWavelengths::given(std::array::from_fn(|lane| nm(first + lane)));
-            remain(&std::array::from_fn(|r| self.absorption_per_um[r].sample(&lambda)), &self.ways_um, &mut eight);
+            remain(
+                &std::array::from_fn(|r| self.absorption_per_um[r].sample(&lambda)),
+                &self.ways_um,
+                &mut eight,
+            );
             for lane in 0..LANES.min(DENSE_SAMPLES - first) {
                 all.extend(eight.iter().map(|e| e[lane]));
             }

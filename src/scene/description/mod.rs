@@ -29,7 +29,8 @@ pub use material::{
     DiffuseMaterial, LambertMaterial, LiteralPhongMaterial, MaterialDescription, PetalMaterial, PhongMaterial,
 };
 pub use petal::{
-    GradientDescription, LayerDescription, PetalDescription, ShadingDescription, ShadingModel, TransmissionDescription,
+    GradientDescription, LayerDescription, PetalDescription, ShadingDescription, ShadingModel,
+    TransmissionDescription,
 };
 pub use shape::{
     DiscShape, MeshShape, Placement, QuadShape, RoseMaterials, RoseShape, ShapeDescription, SphereShape,
