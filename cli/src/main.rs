@@ -17,6 +17,7 @@ mod render;
 mod report;
 mod sample;
 mod spectral;
+mod swatch;
 
 use std::process::ExitCode;
 
@@ -36,6 +37,7 @@ Examples:
   rosarium fit table.csv --model terado --report report.html -o petal.toml
   rosarium convert table.csv petal.bsdf
   rosarium cells thesis -o cells.ply --plot cells.png
+  rosarium swatch -o swatch.png
   rosarium grow -o rose.glb --seed 7
   rosarium check")]
 struct Cli {
@@ -68,6 +70,7 @@ enum Command {
     Convert(convert::Args),
     Plot(plot::Args),
     Cells(cells::Args),
+    Swatch(swatch::Args),
     Grow(grow::Args),
     Check(check::Args),
     /// Write the JSON schema of scene files to standard output.
@@ -127,6 +130,7 @@ fn run(cli: &Cli) -> Result<Outcome> {
         Command::Convert(args) => convert::run(args, global),
         Command::Plot(args) => plot::run(args, global),
         Command::Cells(args) => cells::run(args, global),
+        Command::Swatch(args) => swatch::run(args, global),
         Command::Grow(args) => grow::run(args, global),
         Command::Check(args) => check::run(args, global),
         Command::Schema => {

@@ -200,6 +200,35 @@ impl GonioTable {
         across(r0) * (1.0 - tr) + across(r1) * tr
     }
 
+    /// The BSDF alone of weighted sums of the bands, one per row of `weights`, whose number stands for its wavelength; errors
+    /// add up without cancelling, since the bands share their paths.
+    pub fn combined<const N: usize>(&self, weights: &[[f64; N]]) -> GonioTable {
+        let bins = self.grid.len();
+        let incidence = |i: &Incidence| {
+            let sum = |k: usize, bin: usize| {
+                let bands =
+                    weights.iter().enumerate().filter_map(|(b, w)| Some((w[k], i.bsdf.get(b * bins + bin)?)));
+                bands.fold(Estimate::default(), |sum, (w, e)| Estimate {
+                    value: sum.value + w * e.value,
+                    standard_error: sum.standard_error + w.abs() * e.standard_error,
+                })
+            };
+            let bsdf = (0..N).flat_map(|k| (0..bins).map(move |bin| (k, bin))).map(|(k, bin)| sum(k, bin));
+            Incidence {
+                bsdf: bsdf.collect(),
+                scan: Vec::new(),
+                bands: Vec::new(),
+                ledgers: Vec::new(),
+                ..i.clone()
+            }
+        };
+        GonioTable {
+            bands_nm: (0..N).map(|k| k as f64).collect(),
+            incidences: self.incidences.iter().map(incidence).collect(),
+            ..self.clone()
+        }
+    }
+
     /// BSDF against the signed angle in the plane of incidence: degrees from -180 to 180, positive on the
     /// lamp's side, beyond +-90 transmission. From the scan, or from the grid where the table has no scan.
     pub fn in_plane(&self, incidence: &Incidence, band: usize) -> Vec<(f64, Estimate)> {

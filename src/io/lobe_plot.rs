@@ -52,18 +52,23 @@ pub fn of_table(table: &GonioTable, plot: LobePlot, band: Option<usize>) -> Resu
     let bands = band_title(&names, band)?;
     let transmits = table.incidences.iter().any(|i| i.mean.transmittance.value > 0.0);
     let limit_deg = if transmits { 180.0 } else { 90.0 };
-    let curves: Vec<Curve> = table
-        .incidences
-        .iter()
-        .zip(COLORS.iter().cycle())
-        .map(|(i, color)| Curve {
-            incident_deg: i.incident_deg,
-            color,
-            points: points(table, i, band).into_iter().filter(|p| p.0.abs() <= limit_deg).collect(),
-            marks: false,
-        })
-        .collect();
+    let curves = curves(table, limit_deg, band);
     Ok(draw(&curves, limit_deg, plot, &table.sample, &bands, "BSDF, 1/sr"))
+}
+
+fn curves(table: &GonioTable, limit_deg: f64, band: Option<usize>) -> Vec<Curve> {
+    let curve = |(i, color): (&Incidence, &&'static str)| Curve {
+        incident_deg: i.incident_deg,
+        color,
+        points: points(table, i, band).into_iter().filter(|p| p.0.abs() <= limit_deg).collect(),
+        marks: false,
+    };
+    table.incidences.iter().zip(COLORS.iter().cycle()).map(curve).collect()
+}
+
+/// The polar panel of one band of a table, for a figure of several.
+pub(super) fn polar_panel(table: &GonioTable, band: usize) -> (Vec<Plot>, Layout) {
+    polar(&curves(table, 180.0, Some(band)), "BSDF, 1/sr")
 }
 
 /// The lobes of a measurement: its readings in the planes of incidence. `band` chooses a band; without it, their mean.

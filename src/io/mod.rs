@@ -32,6 +32,8 @@ pub mod measured;
 pub mod lobe_plot;
 pub mod spectra_csv;
 pub mod spectra_plot;
+mod ball;
+pub mod swatch;
 pub mod fit_text;
 pub mod fit_series;
 pub mod fit_plot;

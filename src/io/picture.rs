@@ -22,6 +22,10 @@ impl Picture {
         Self { scene }
     }
 
+    pub(super) fn into_scene(self) -> Scene {
+        self.scene
+    }
+
     /// As an SVG document.
     pub fn svg(&self) -> String {
         self.named("clip-")

@@ -53,6 +53,22 @@ impl ObjectColor {
     }
 }
 
+/// Linear sRGB (a screen's, as swatches are) that each band adds per unit of its value: the colour of values v is
+/// sum over b of v_b weight_b. All values one make white.
+pub fn band_weights(bands_nm: &[f64], illuminant: Illuminant, observer: Observer) -> Result<Vec<DVec3>> {
+    let light = illuminant.spectrum()?;
+    let white = DVec3::from(observer.xyz_of(&light));
+    let screen = observer.srgb_from_xyz() * adaptation(white / white.y, observer.white()) / white.y;
+    (0..bands_nm.len())
+        .map(|b| {
+            // What is linear between bands is a sum of hats.
+            let hat: Vec<_> = (0..).zip(bands_nm).map(|(i, &nm)| (nm, f64::from(u8::from(i == b)))).collect();
+            let hat = spectrum_of_bands(&hat, "bands_nm")?;
+            Ok(screen * DVec3::from(observer.xyz_of(&hat.zip(&light, |a, b| a * b))))
+        })
+        .collect()
+}
+
 /// Bands as a spectrum for colours: `(wavelength_nm, value)` in any order.
 pub fn spectrum_of_bands(bands: &[(f64, f64)], at: &str) -> Result<Spectrum> {
     let mut points = bands.to_vec();
@@ -114,6 +130,13 @@ mod tests {
         let share = spectrum_of_bands(&bands, "bands").unwrap();
         let ours = ObjectColor::new(&share, Illuminant::D65, Observer::Cie1931).unwrap();
         assert!(delta_e_1976(ours.lab.into(), expected) < 0.3, "{ours:?} {expected}");
+        let nm: Vec<f64> = bands.iter().map(|p| p.0).collect();
+        let weights = band_weights(&nm, Illuminant::A, Observer::Cie1931).unwrap();
+        assert!((weights.iter().sum::<DVec3>() - DVec3::ONE).length() < 1e-5);
+        let rgb: DVec3 = weights.iter().zip(&bands).map(|(w, p)| *w * p.1).sum();
+        let hex = ObjectColor::new(&share, Illuminant::A, Observer::Cie1931).unwrap().srgb_hex;
+        let red = (srgb_encode(rgb.x as f32) * 255.0 + 0.5) as u8;
+        assert!(hex.starts_with(&format!("#{red:02x}")), "{hex} {rgb}");
         let saturated = Spectrum::from_fn(|l| if l > 620.0 { 1.0 } else { 0.0 });
         assert!(!ObjectColor::new(&saturated, Illuminant::D65, Observer::Cie1931).unwrap().in_srgb);
     }
