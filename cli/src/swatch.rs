@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use rosarium::Result;
 use rosarium::geometry::Side;
-use rosarium::gonio::{ExitantGrid, GonioTable, Goniophotometer};
+use rosarium::gonio::{ExitantGrid, GonioTable, Goniophotometer, PlaneScan};
 use rosarium::io::swatch::{Swatch, sheet};
 use rosarium::scene::description::PetalDescription;
 use rosarium::scene::petal::PRESETS;
@@ -60,6 +60,8 @@ pub(crate) fn run(args: &Args, global: Global) -> Result<Outcome> {
         seed: args.seed,
         bands_nm: (0..=40).map(|i| 380.0 + 10.0 * f64::from(i)).collect(),
         exitant: ExitantGrid { theta_step_deg: 7.5, phi_step_deg: 15.0 },
+        // Wide bins for smooth lobes.
+        scan: PlaneScan { step_deg: 5.0, half_width_deg: 15.0 },
         spin: true,
         ..Goniophotometer::default()
     };

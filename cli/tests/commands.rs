@@ -12,9 +12,19 @@ fn stdout(output: &std::process::Output) -> String {
 #[test]
 fn every_command_explains_itself_with_an_example() {
     let dir = folder();
-    for name in
-        ["render", "measure", "fit", "convert", "plot", "cells", "grow", "check", "schema", "completions"]
-    {
+    for name in [
+        "render",
+        "measure",
+        "swatch",
+        "fit",
+        "convert",
+        "plot",
+        "cells",
+        "grow",
+        "check",
+        "schema",
+        "completions",
+    ] {
         let help = stdout(&succeeds(&dir, &[name, "--help"]));
         assert!(help.contains(&format!("rosarium {name}")) && help.contains("Example"), "{help}");
     }
@@ -142,6 +152,42 @@ fn measure_writes_tables_and_plots() {
     assert!(csv.starts_with('#') && csv.contains("height_um = 20"), "{}", &csv[..500]);
     assert!(String::from_utf8_lossy(&read(&dir, "l.svg")).contains("<svg"));
     assert!(read(&dir, "l.png").starts_with(b"\x89PNG"));
+}
+
+#[test]
+fn a_petal_of_tissue_has_spectra_of_both_sides() {
+    let dir = folder();
+    let arguments = "measure rote_rose --spectral --incident 0 --rays 3e3 --bands 400..700:20 --json -o t.csv \
+                     --spectra s.csv --spectra s.svg";
+    let text = stdout(&succeeds(&dir, &arguments.split_whitespace().collect::<Vec<_>>()));
+    let report: Value = serde_json::from_str(&text).expect("one JSON object");
+    assert_eq!(report["colors"].as_array().map(Vec::len), Some(2));
+    // Red pigment: red light comes back, green does not; much goes through in the red.
+    let red = report["colors"][0]["reflected"]["lab"][1].as_f64().expect("a number");
+    assert!(red > 15.0, "{red}");
+    for (side, name) in ["adaxial", "abaxial"].into_iter().enumerate() {
+        let bands = &report["measurements"][side]["incidences"][0]["bands"];
+        assert_eq!(bands.as_array().map(Vec::len), Some(16));
+        assert_eq!(report["measurements"][side]["cut_off"], 0);
+        let csv = String::from_utf8(read(&dir, &format!("t-{name}.csv"))).expect("UTF-8");
+        assert!(csv.contains(&format!("side = \"{name}\"")), "{name}");
+    }
+    let csv = String::from_utf8(read(&dir, "s.csv")).expect("UTF-8");
+    assert!(csv.contains("abaxial_0deg_transmittance_se") && csv.contains("\n700.0,"), "{csv}");
+    assert!(String::from_utf8_lossy(&read(&dir, "s.svg")).contains("abaxial side lit"));
+    // Bands that are no colour are said, and the rest is measured.
+    let arguments =
+        ["measure", "thesis", "--spectral", "--side", "adaxial", "--bands", "550", "--rays", "1e3"];
+    assert!(stdout(&succeeds(&dir, &arguments)).contains("no colour from these bands"));
+}
+
+#[test]
+fn a_sheet_of_petals_is_drawn() {
+    let dir = folder();
+    common::write(&dir, "mine.toml", "[cells]\nheight_um = 20\n");
+    succeeds(&dir, &["swatch", "mine.toml", "white", "--rays", "2e3", "-o", "sheet.svg", "-D", "age=0.5"]);
+    let svg = String::from_utf8(read(&dir, "sheet.svg")).expect("UTF-8");
+    assert!(svg.contains(">mine<") && svg.contains(">white<") && svg.contains("age 0.5"));
 }
 
 #[test]

@@ -26,6 +26,7 @@ pub(super) enum Lit {
 /// Linear light of `size` x `size` pixels, row by row from the top, on a ground of that colour. The bands of `rgb` are linear
 /// red, green and blue; its lit side is the one that `lit` says.
 pub(super) fn ball(rgb: &GonioTable, lit: Lit, size: usize, ground: DVec3) -> Vec<DVec3> {
+    let rgb = &without_azimuth(rgb.clone());
     let pixel = |i: usize| {
         let corner = DVec2::new((i % size) as f64, (i / size) as f64);
         let mut sum = DVec3::ZERO;
@@ -39,13 +40,30 @@ pub(super) fn ball(rgb: &GonioTable, lit: Lit, size: usize, ground: DVec3) -> Ve
     (0..size * size).into_par_iter().map(pixel).collect()
 }
 
+/// What the noise of bins would break: both turns of azimuth are one; around the normal, and where the lamp stands there, all
+/// azimuths are one.
+fn without_azimuth(mut rgb: GonioTable) -> GonioTable {
+    let (thetas, phis) = (rgb.grid.thetas(), rgb.grid.phis());
+    for i in &mut rgb.incidences {
+        for (r, row) in i.bsdf.chunks_mut(phis).enumerate() {
+            let pole = r % thetas == 0 || r % thetas == thetas - 1;
+            let mean = row.iter().map(|e| e.value).sum::<f64>() / phis as f64;
+            let turned: Vec<f64> = (0..phis).map(|c| row[(phis - c) % phis].value).collect();
+            for (e, turned) in row.iter_mut().zip(turned) {
+                e.value = if pole || i.incident_deg == 0.0 { mean } else { (e.value + turned) / 2.0 };
+            }
+        }
+    }
+    rgb
+}
+
 /// Normal towards the viewer at a point of the unit disc, y upwards.
 fn normal(p: DVec2) -> DVec3 {
     let xy = p * EDGE_DEG.to_radians().sin();
     xy.extend((1.0 - xy.length_squared()).max(0.0).sqrt())
 }
 
-/// Light towards the viewer (+z), without the table's noise below zero.
+/// Light towards the viewer (+z).
 fn radiance(rgb: &GonioTable, lit: Lit, towards_viewer: DVec3) -> DVec3 {
     let (lit_normal, light) = match lit {
         Lit::Front => (towards_viewer, DVec3::new(0.5, 0.5, std::f64::consts::FRAC_1_SQRT_2)),
@@ -55,15 +73,11 @@ fn radiance(rgb: &GonioTable, lit: Lit, towards_viewer: DVec3) -> DVec3 {
     if cos <= 0.0 {
         return DVec3::ZERO;
     }
-    // The instrument's frame: the lamp at azimuth 0. The petal has no azimuth, so both turns of the viewer are one.
+    // The instrument's frame: the lamp at azimuth 0.
     let x = (light - lit_normal * cos).normalize_or(lit_normal.any_orthonormal_vector());
     let y = lit_normal.cross(x);
     let view = DVec3::new(x.z, y.z, lit_normal.z).as_vec3();
-    let mirrored = glam::Vec3::new(view.x, -view.y, view.z);
-    let at = |band: usize| {
-        let f = |w| rgb.bsdf(cos.min(1.0).acos().to_degrees(), w, band).unwrap_or(0.0);
-        (f(view) + f(mirrored)) / 2.0
-    };
+    let at = |band| rgb.bsdf(cos.min(1.0).acos().to_degrees(), view, band).unwrap_or(0.0);
     DVec3::new(at(0), at(1), at(2)) * cos * std::f64::consts::PI
 }
 

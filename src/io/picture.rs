@@ -22,10 +22,6 @@ impl Picture {
         Self { scene }
     }
 
-    pub(super) fn into_scene(self) -> Scene {
-        self.scene
-    }
-
     /// As an SVG document.
     pub fn svg(&self) -> String {
         self.named("clip-")

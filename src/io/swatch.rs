@@ -59,11 +59,11 @@ pub fn sheet(petals: &[Swatch], illuminant: Illuminant) -> Result<Picture> {
     for (row, petal) in petals.iter().enumerate() {
         let top = HEAD_PX + ROW_PX * row as f64;
         left(&mut scene, petal, illuminant, top)?;
-        let panels = [
-            spectra_panel(petal),
-            polar_panel(petal.adaxial, nearest(petal.adaxial, LOBES_NM[0])),
-            polar_panel(petal.adaxial, nearest(petal.adaxial, LOBES_NM[1])),
-        ];
+        let lobes = |nm: f64| {
+            let (plots, layout) = polar_panel(&with_few_lamps(petal.adaxial), nearest(petal.adaxial, nm));
+            (plots, layout.with_x_label(""))
+        };
+        let panels = [spectra_panel(petal), lobes(LOBES_NM[0]), lobes(LOBES_NM[1])];
         let (plots, layouts) = panels.into_iter().unzip();
         let figure = Figure::new(1, 3)
             .with_plots(plots)
@@ -82,6 +82,14 @@ pub fn sheet(petals: &[Swatch], illuminant: Illuminant) -> Result<Picture> {
         scene.defs.extend(figure.defs);
     }
     Ok(Picture::new(scene))
+}
+
+/// The table with the lamps whose lobes are shown: every other one, at most four.
+fn with_few_lamps(table: &GonioTable) -> GonioTable {
+    let mut table = table.clone();
+    let shown: Vec<_> = table.incidences.into_iter().step_by(2).take(4).collect();
+    table.incidences = shown;
+    table
 }
 
 fn nearest(table: &GonioTable, nm: f64) -> usize {
@@ -112,25 +120,38 @@ fn head(scene: &mut Scene, balls_px: f64, table: &GonioTable, illuminant: Illumi
     let column = |k: f64| balls_px + k * PANEL_PX.0 + 10.0;
     let least = least_angle(table);
     text(scene, (column(0.0), 28.0), 13, true, &format!("share of the light, lamp at {least}°"));
-    let mut line = |x: f64, y: f64, color: &str, dash: Option<&str>, name: &str| {
-        scene.add(Primitive::Line {
-            x1: x,
-            y1: y - 4.0,
-            x2: x + 22.0,
-            y2: y - 4.0,
-            stroke: Color::from(color),
-            stroke_width: 2.0,
-            stroke_dasharray: dash.map(str::to_owned),
-        });
-        text(scene, (x + 27.0, y), 12, false, name);
+    let mut line = |x: f64, y: f64, color: &str, dashed: bool, name: &str| {
+        // Pieces of a line: not every backend dashes one so short.
+        for (from, to) in
+            if dashed { vec![(0.0, 6.0), (10.0, 16.0), (20.0, 24.0)] } else { vec![(0.0, 24.0)] }
+        {
+            scene.add(Primitive::Line {
+                x1: x + from,
+                y1: y - 4.0,
+                x2: x + to,
+                y2: y - 4.0,
+                stroke: Color::from(color),
+                stroke_width: 2.0,
+                stroke_dasharray: None,
+            });
+        }
+        text(scene, (x + 29.0, y), 11, false, name);
     };
-    line(column(0.0), 48.0, COLORS[0], None, "reflected, upper side");
-    line(column(0.0), 66.0, COLORS[1], None, "reflected, lower side");
-    line(column(0.5), 48.0, COLORS[0], Some(DASH), "transmitted, upper lit");
-    line(column(0.5), 66.0, COLORS[1], Some(DASH), "transmitted, lower lit");
-    for (k, (i, color)) in table.incidences.iter().zip(COLORS.iter().cycle()).enumerate() {
-        line(column(1.0) + 92.0 * k as f64, 48.0, color, None, &format!("lamp {}°", i.incident_deg));
+    line(column(0.0), 48.0, COLORS[0], false, "back, upper side lit");
+    line(column(0.0), 66.0, COLORS[1], false, "back, lower side lit");
+    line(column(0.47), 48.0, COLORS[0], true, "through, upper side lit");
+    line(column(0.47), 66.0, COLORS[1], true, "through, lower side lit");
+    let shown = with_few_lamps(table).incidences;
+    for (k, (i, color)) in shown.iter().zip(COLORS.iter().cycle()).enumerate() {
+        line(column(1.0) + 92.0 * k as f64, 48.0, color, false, &format!("lamp {}°", i.incident_deg));
     }
+    text(
+        scene,
+        (column(1.0), 66.0),
+        11,
+        false,
+        "radius: BSDF · cos θ, 1/sr; positive angles: the lamp's side",
+    );
     for (k, nm) in LOBES_NM.into_iter().enumerate() {
         let name = format!("lobes of the upper side, {} nm", table.bands_nm[nearest(table, nm)]);
         text(scene, (column(1.0 + k as f64), 28.0), 13, true, &name);
@@ -209,7 +230,7 @@ fn swatch(scene: &mut Scene, color: &ObjectColor, (x, y): (f64, f64)) {
 fn spectra_panel(petal: &Swatch) -> (Vec<Plot>, Layout) {
     let mut plots = Vec::new();
     for (table, color) in [(petal.adaxial, COLORS[0]), (petal.abaxial, COLORS[1])] {
-        for spectrum in of_least_angle(table) {
+        if let Some(spectrum) = of_least_angle(table) {
             for (transmitted, style) in [(false, LineStyle::Solid), (true, LineStyle::Custom(DASH.into()))] {
                 let points = spectrum.points.iter().map(|p| {
                     let e = if transmitted { p.transmittance } else { p.reflectance };
