@@ -68,7 +68,8 @@ fn curves(table: &GonioTable, limit_deg: f64, band: Option<usize>) -> Vec<Curve>
 
 /// The polar panel of one band of a table, for a figure of several.
 pub(super) fn polar_panel(table: &GonioTable, band: usize) -> (Vec<Plot>, Layout) {
-    polar(&curves(table, 180.0, Some(band)), "BSDF, 1/sr")
+    let (plots, layout, unit) = polar(&curves(table, 180.0, Some(band)), "BSDF, 1/sr");
+    (plots, layout.with_x_label(unit))
 }
 
 /// The lobes of a measurement: its readings in the planes of incidence. `band` chooses a band; without it, their mean.
@@ -164,9 +165,13 @@ fn draw(
     bands: &str,
     quantity: &str,
 ) -> Picture {
+    let polar = || {
+        let (plots, layout, unit) = polar(curves, quantity);
+        (plots, layout.with_x_label(format!("radius: BSDF · cos θ, {unit}; angle: + lamp's side")))
+    };
     let panels = match plot {
-        LobePlot::Both => vec![polar(curves, quantity), cartesian(curves, limit_deg, quantity)],
-        LobePlot::Polar => vec![polar(curves, quantity)],
+        LobePlot::Both => vec![polar(), cartesian(curves, limit_deg, quantity)],
+        LobePlot::Polar => vec![polar()],
         LobePlot::Cartesian => vec![cartesian(curves, limit_deg, quantity)],
     };
     let columns = panels.len();
@@ -274,7 +279,8 @@ fn cartesian(curves: &[Curve], limit_deg: f64, quantity: &str) -> (Vec<Plot>, La
 const SCALES: [(f64, usize); 10] =
     [(1.0, 4), (1.5, 3), (2.0, 4), (2.5, 5), (3.0, 3), (4.0, 4), (5.0, 5), (6.0, 3), (8.0, 4), (10.0, 5)];
 
-fn polar(curves: &[Curve], quantity: &str) -> (Vec<Plot>, Layout) {
+/// The panel, and the unit of its radius.
+fn polar(curves: &[Curve], quantity: &str) -> (Vec<Plot>, Layout, String) {
     let intensity = |(a, e): &(f64, Estimate)| e.value * a.to_radians().cos().abs();
     let largest = curves.iter().flat_map(|c| &c.points).map(intensity).fold(0.0, f64::max);
     // The scale is printed with two digits: show 1 to 10 times a power of ten.
@@ -314,14 +320,13 @@ fn polar(curves: &[Curve], quantity: &str) -> (Vec<Plot>, Layout) {
         (_, unit) => format!("10{}, {unit}", superscript(exponent)),
     };
     let plots = vec![Plot::Polar(plot)];
-    let layout = Layout::auto_from_plots(&plots)
-        .with_polar_r_label_angle(105.0)
-        .with_x_tick_format(TickFormat::Custom(Arc::new(|deg| {
+    let layout = Layout::auto_from_plots(&plots).with_polar_r_label_angle(105.0).with_x_tick_format(
+        TickFormat::Custom(Arc::new(|deg| {
             let signed = if deg > 180.0 { deg - 360.0 } else { deg };
             format!("{signed:.0}°")
-        })))
-        .with_x_label(format!("radius: BSDF · cos θ, {unit}; angle: + lamp's side"));
-    (plots, layout)
+        })),
+    );
+    (plots, layout, unit)
 }
 
 #[cfg(test)]

@@ -59,10 +59,7 @@ pub fn sheet(petals: &[Swatch], illuminant: Illuminant) -> Result<Picture> {
     for (row, petal) in petals.iter().enumerate() {
         let top = HEAD_PX + ROW_PX * row as f64;
         left(&mut scene, petal, illuminant, top)?;
-        let lobes = |nm: f64| {
-            let (plots, layout) = polar_panel(&with_few_lamps(petal.adaxial), nearest(petal.adaxial, nm));
-            (plots, layout.with_x_label(""))
-        };
+        let lobes = |nm: f64| polar_panel(&with_few_lamps(petal.adaxial), nearest(petal.adaxial, nm));
         let panels = [spectra_panel(petal), lobes(LOBES_NM[0]), lobes(LOBES_NM[1])];
         let (plots, layouts) = panels.into_iter().unzip();
         let figure = Figure::new(1, 3)
@@ -150,7 +147,7 @@ fn head(scene: &mut Scene, balls_px: f64, table: &GonioTable, illuminant: Illumi
         (column(1.0), 66.0),
         11,
         false,
-        "radius: BSDF · cos θ, 1/sr; positive angles: the lamp's side",
+        "radius: BSDF · cos θ in the unit below; positive angles: the lamp's side",
     );
     for (k, nm) in LOBES_NM.into_iter().enumerate() {
         let name = format!("lobes of the upper side, {} nm", table.bands_nm[nearest(table, nm)]);
