@@ -107,7 +107,7 @@ mod tests {
             let pixels = ball(&rgb, lit, 41, DVec3::splat(0.25));
             assert_eq!(pixels[0], DVec3::splat(0.25));
             let light = if lit == Lit::Front {
-                DVec3::new(0.5, 0.5, 0.7071)
+                DVec3::new(0.5, 0.5, std::f64::consts::FRAC_1_SQRT_2)
             } else {
                 DVec3::new(0.3536, -0.3536, 0.866)
             };

@@ -81,10 +81,11 @@ pub fn sheet(petals: &[Swatch], illuminant: Illuminant) -> Result<Picture> {
     Ok(Picture::new(scene))
 }
 
-/// The table with the lamps whose lobes are shown: every other one, at most four.
+/// The table with the lamps whose lobes are shown: at most four, evenly chosen.
 fn with_few_lamps(table: &GonioTable) -> GonioTable {
     let mut table = table.clone();
-    let shown: Vec<_> = table.incidences.into_iter().step_by(2).take(4).collect();
+    let step = table.incidences.len().div_ceil(4).max(1);
+    let shown: Vec<_> = table.incidences.into_iter().step_by(step).collect();
     table.incidences = shown;
     table
 }
