@@ -10,6 +10,7 @@ mod fit;
 mod grow;
 mod input;
 mod measure;
+mod optics;
 mod output;
 mod plot;
 mod progress;

@@ -1,11 +1,11 @@
 //! `rosarium measure`.
 
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use rosarium::geometry::Side;
-use rosarium::gonio::{Estimate, GonioTable, Goniophotometer};
+use rosarium::gonio::{Estimate, GonioTable, Goniophotometer, WhiteMonteCarlo};
 use rosarium::io::{gonio_csv, lobe_plot};
 use rosarium::spectrum::Illuminant;
 use rosarium::{Error, Result};
@@ -15,7 +15,7 @@ use crate::output::{self, Output};
 use crate::progress::Bar;
 use crate::sample::Sample;
 use crate::spectral::{self, Spectral};
-use crate::{Global, Outcome, progress, report};
+use crate::{Global, Outcome, optics, progress, report};
 
 /// Measure a petal with the virtual goniophotometer.
 ///
@@ -31,7 +31,8 @@ Examples:
       --incident 60 --rays 1e6 --json
   rosarium measure my_petal.toml --side abaxial --wavelengths 450,550,650
   rosarium measure rote_rose --spectral --spectra rose.csv --spectra rose.svg -o table.csv
-  rosarium measure rote_rose --spectral -D age=0.3 --illuminant A --json"))]
+  rosarium measure rote_rose --spectral -D age=0.3 --illuminant A --json
+  rosarium measure rote_rose -o rose.optics"))]
 pub(crate) struct Args {
     /// Name of a preset, or a petal file (.toml).
     #[arg(value_name = "NAME|FILE")]
@@ -77,7 +78,8 @@ pub(crate) struct Args {
     /// stands along the rows of cells.
     #[arg(long)]
     spin: bool,
-    /// Table to write: .csv, with a header that describes it. Of two sides, table-adaxial.csv and table-abaxial.csv.
+    /// Table to write: .csv, with a header that describes it. Of two sides, table-adaxial.csv and table-abaxial.csv. Or
+    /// .optics: the tissue measured once for all angles, wavelengths and amounts of pigment, with --rays walks per side.
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
     /// Plot of the plane of incidence to write: .svg or .png. Repeatable.
@@ -96,6 +98,9 @@ fn side(name: String) -> Side {
 }
 
 pub(crate) fn run(args: &Args, global: Global) -> Result<Outcome> {
+    if let Some(path) = args.output.as_deref().filter(|p| optics::is_asked_for(p)) {
+        return measure_optics(args, path, global);
+    }
     let default = if args.spectral { "380..780:10" } else { "450,550,650" };
     let bands_nm = match &args.wavelengths {
         Some(bands) => bands.0.clone(),
@@ -177,6 +182,23 @@ pub(crate) fn run(args: &Args, global: Global) -> Result<Outcome> {
         text.push_str(&spectral.for_people());
     }
     output::print(text.as_bytes())
+}
+
+/// A petal for all wavelengths: what chooses some of the light has no meaning then.
+fn measure_optics(args: &Args, path: &Path, global: Global) -> Result<Outcome> {
+    let some = [
+        ("--side", args.side.is_some()),
+        ("--wavelengths", args.wavelengths.is_some()),
+        ("--spectral", args.spectral),
+        ("--plot", !args.plot.is_empty()),
+        ("--spin", args.spin),
+    ];
+    if let Some((flag, _)) = some.into_iter().find(|(_, given)| *given) {
+        let what = "an .optics file has both sides, all angles and all wavelengths, and no plot";
+        return Err(Error::invalid(flag, what));
+    }
+    let settings = WhiteMonteCarlo { walks: args.rays, seed: args.seed, ..WhiteMonteCarlo::default() };
+    optics::run(&args.petal, &args.overrides, (path, &settings), args.json, global)
 }
 
 /// One output per side: the file itself where there is one side only.

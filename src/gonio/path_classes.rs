@@ -1,25 +1,27 @@
 //! Classes of like walks: which ways through the petal are absorbed alike.
 //!
-//! Model: a k-d tree over the ways l_r through the regions. What a leaf would lose by standing for all its walks with their
-//! mean way alone is, for one set of absorption coefficients,
+//! Model: walks back to the adaxial side, back to the abaxial side and through the petal are different in kind (a part of the
+//! tables each); in each part, a k-d tree over the ways l_r through the regions. What a leaf would lose by standing for all its
+//! walks with their mean way alone is, for one set of absorption coefficients,
 //!
 //! ```text
 //! D(mu) = sum over its walks of exp(-mu . l)  -  n exp(-mu . mean l)  >= 0   (exp is convex)
 //! ```
 //!
-//! Leaves are split one by one: for the set of [`training`] coefficients whose sum of D over all leaves is largest, the leaf
-//! with the largest D, in the region where exp(-mu_r l_r) varies most, at the way that has its mean. The tree ends at the wanted
-//! number of leaves, or where the largest sum of D is below [`GOOD`] of all walks. A class also keeps the variance of its
-//! ways (see `petal_optics`), so that its error is much smaller than D.
+//! Leaves are split one by one: for the part and the set of [`training`] coefficients whose sum of D over the part's leaves is
+//! largest, the leaf with the largest D, in the region where exp(-mu_r l_r) varies most, at the way that has its mean. The
+//! tree ends at the wanted number of leaves, or where the largest sum of D is below [`GOOD`] of all walks. A class also keeps
+//! the variance of its ways (see `petal_optics`), so that its error is much smaller than D.
 //!
 //! | symbol | field | unit | default |
 //! |---|---|---|---|
 //! | mu_r d_r, d_r the region's depth | [`training`], [`checks`] | | 0.1 to 9: anthocyanin of 120 ug/cm2 at its peak has 8.7 |
-//! | leaves | `classes` of the measurement | | at most 64 |
+//! | leaves | `classes` of the measurement | | at most 96 |
 //!
-//! Limits: at least one class, also without walks (`degenerate_walks_make_one_class`); the loss falls with the number of
+//! Limits: at least one class per part, also without walks (`degenerate_walks_make_one_class`); the loss falls with the number of
 //! classes (`more_classes_lose_less`). Source: our reading (a vector quantiser of least loss instead of least squares).
 
+use super::petal_optics::PARTS;
 use crate::micro::REGIONS;
 
 /// Share of all walks that mean ways alone may lose at the worst coefficients before the tree stops growing.
@@ -49,43 +51,47 @@ enum Node {
 }
 
 impl PathClasses {
-    /// Divides the ways of pilot walks into at most `classes` classes.
-    pub(super) fn new(ways: &[Ways], depth_um: &Ways, classes: usize) -> Self {
+    /// Divides the ways of pilot walks, one list per part, into at most `classes` classes.
+    pub(super) fn new(ways: &[Vec<Ways>; PARTS], depth_um: &Ways, classes: usize) -> Self {
         let references = training(depth_um);
-        let mut tree = Self { nodes: vec![Node::Leaf { class: 0 }], leaves: 1 };
-        let mut leaves = vec![Leaf::new(0, (0..ways.len()).collect(), ways, &references)];
+        let leaf = |node, part: usize, walks| Leaf::new((node, part), walks, &ways[part], &references);
+        let mut nodes = vec![Node::Leaf { class: 0 }; PARTS];
+        let mut leaves: Vec<Leaf> = (0..PARTS).map(|p| leaf(p, p, (0..ways[p].len()).collect())).collect();
+        let enough = GOOD * ways.iter().map(Vec::len).sum::<usize>() as f64;
         while leaves.len() < classes {
-            let worst = (0..references.len())
-                .map(|m| (m, leaves.iter().map(|l| l.losses[m]).sum::<f64>()))
-                .max_by(|a, b| a.1.total_cmp(&b.1));
-            let Some((m, loss)) = worst else { break };
-            if loss <= GOOD * ways.len() as f64 {
-                break;
-            }
+            let loss = |part: usize, m: usize| {
+                leaves.iter().filter(|l| l.part == part).map(|l| l.losses[m]).sum::<f64>()
+            };
+            let worst = (0..PARTS * references.len())
+                .map(|i| (i % PARTS, i / PARTS))
+                .map(|(part, m)| (part, m, loss(part, m)))
+                .max_by(|a, b| a.2.total_cmp(&b.2));
+            let Some((part, m, _)) = worst.filter(|w| w.2 > enough) else { break };
             let best = leaves
                 .iter()
                 .enumerate()
-                .filter_map(|(i, leaf)| Some((i, leaf.losses[m], leaf.split(ways, &references[m])?)))
+                .filter(|(_, leaf)| leaf.part == part)
+                .filter_map(|(i, leaf)| Some((i, leaf.losses[m], leaf.split(&ways[part], &references[m])?)))
                 .max_by(|a, b| a.1.total_cmp(&b.1));
             let Some((i, _, (region, at_um))) = best else { break };
-            let leaf = leaves.swap_remove(i);
-            let children = tree.nodes.len();
-            tree.nodes[leaf.node] = Node::Split { region, at_um, children };
+            let old = leaves.swap_remove(i);
+            let children = nodes.len();
+            nodes[old.node] = Node::Split { region, at_um, children };
             let (low, high): (Vec<usize>, Vec<usize>) =
-                leaf.walks.into_iter().partition(|w| ways[*w][region] <= at_um);
+                old.walks.into_iter().partition(|w| ways[part][*w][region] <= at_um);
             for (k, walks) in [low, high].into_iter().enumerate() {
-                tree.nodes.push(Node::Leaf { class: 0 });
-                leaves.push(Leaf::new(children + k, walks, ways, &references));
+                nodes.push(Node::Leaf { class: 0 });
+                leaves.push(leaf(children + k, part, walks));
             }
         }
-        tree.leaves = 0;
-        for node in &mut tree.nodes {
+        let mut count = 0;
+        for node in &mut nodes {
             if let Node::Leaf { class } = node {
-                *class = tree.leaves;
-                tree.leaves += 1;
+                *class = count;
+                count += 1;
             }
         }
-        tree
+        Self { nodes, leaves: count }
     }
 
     /// Number of classes.
@@ -93,10 +99,10 @@ impl PathClasses {
         self.leaves
     }
 
-    /// Class of a way.
+    /// Class of a way of a part.
     #[inline]
-    pub(super) fn class(&self, way: &Ways) -> usize {
-        let mut at = 0;
+    pub(super) fn class(&self, part: usize, way: &Ways) -> usize {
+        let mut at = part;
         loop {
             match self.nodes[at] {
                 Node::Leaf { class } => return class,
@@ -111,13 +117,14 @@ impl PathClasses {
 /// A leaf that may still be split.
 struct Leaf {
     node: usize,
+    part: usize,
     walks: Vec<usize>,
     /// D per set of coefficients.
     losses: Vec<f64>,
 }
 
 impl Leaf {
-    fn new(node: usize, walks: Vec<usize>, ways: &[Ways], references: &[Ways]) -> Self {
+    fn new((node, part): (usize, usize), walks: Vec<usize>, ways: &[Ways], references: &[Ways]) -> Self {
         let n = walks.len() as f64;
         let mut mean = Ways::default();
         for w in &walks {
@@ -130,7 +137,7 @@ impl Leaf {
                 if walks.is_empty() { 0.0 } else { each - n * remaining(mu, &mean) }
             })
             .collect();
-        Self { node, walks, losses }
+        Self { node, part, walks, losses }
     }
 
     /// Region and way to split at; `None` where all walks are alike.
@@ -240,11 +247,16 @@ mod tests {
 
     const DEPTH: Ways = [20.0, 0.0, 150.0, 15.0];
 
+    /// All of one part.
+    fn through(ways: Vec<Ways>) -> [Vec<Ways>; PARTS] {
+        [Vec::new(), Vec::new(), ways]
+    }
+
     /// Largest error over the check's coefficients, as a share of the walks.
     fn error(tree: &PathClasses, ways: &[Ways]) -> f64 {
         let mut classes = vec![[Welford::default(); REGIONS]; tree.len()];
         for way in ways {
-            (0..REGIONS).for_each(|r| classes[tree.class(way)][r].push(way[r]));
+            (0..REGIONS).for_each(|r| classes[tree.class(2, way)][r].push(way[r]));
         }
         let of = |mu: &Ways| {
             let each: f64 = ways.iter().map(|w| remaining(mu, w)).sum();
@@ -261,8 +273,8 @@ mod tests {
     #[test]
     fn more_classes_lose_less() {
         let (pilot, others) = (ways(40_000), ways(80_000).split_off(40_000));
-        let errors = [1, 8, 64].map(|k| {
-            let tree = PathClasses::new(&pilot, &DEPTH, k);
+        let errors = [3, 10, 66].map(|k| {
+            let tree = PathClasses::new(&through(pilot.clone()), &DEPTH, k);
             assert!(tree.len() <= k);
             error(&tree, &others)
         });
@@ -273,13 +285,13 @@ mod tests {
     #[test]
     fn degenerate_walks_make_one_class() {
         for ways in [vec![], vec![[3.0, 0.0, 0.1, 7.0]; 50], vec![[0.0; REGIONS]; 3]] {
-            let tree = PathClasses::new(&ways, &DEPTH, 64);
-            assert_eq!((tree.len(), tree.class(&[1e9, 0.0, 0.0, 1e-9])), (1, 0));
+            let tree = PathClasses::new(&through(ways), &DEPTH, 64);
+            assert_eq!((tree.len(), tree.class(1, &[1e9, 0.0, 0.0, 1e-9])), (3, 1));
         }
         // Two kinds of walk need two classes, and keep them.
         let two: Vec<Ways> = (0..100).map(|i| [f64::from(i % 2) * 30.0, 0.0, 0.0, 0.0]).collect();
-        let tree = PathClasses::new(&two, &DEPTH, 64);
-        assert_eq!(tree.len(), 2);
+        let tree = PathClasses::new(&through(two.clone()), &DEPTH, 64);
+        assert_eq!(tree.len(), 4);
         assert!(error(&tree, &two) < 1e-6);
     }
 }

@@ -2,10 +2,19 @@
 
 use glam::DVec3;
 
-use super::AngleGrid;
 use super::path_classes::{PathClasses, Ways, remaining};
+use super::{AngleGrid, Part};
 use crate::micro::{End, Exit, REGIONS};
 use crate::{Error, Result};
+
+/// Part of the tables that light from `wi` to `w` belongs to.
+pub(super) fn part(wi: DVec3, w: DVec3) -> Part {
+    match (wi.z > 0.0, w.z > 0.0) {
+        (true, true) => Part::Adaxial,
+        (false, false) => Part::Abaxial,
+        _ => Part::Through,
+    }
+}
 
 /// Bins of the exits of the light from one polar bin, in the order of `[through][b][phi][class]`.
 #[derive(Clone, Copy, Debug)]
@@ -25,8 +34,7 @@ impl ExitBins {
     }
 
     fn bin(&self, wi: DVec3, w: DVec3) -> usize {
-        let through = (wi.z > 0.0) != (w.z > 0.0);
-        self.first(through, self.grid.theta_bin(w), self.grid.phi_bin(wi, w))
+        self.first(part(wi, w) == Part::Through, self.grid.theta_bin(w), self.grid.phi_bin(wi, w))
     }
 }
 
@@ -78,14 +86,15 @@ impl Counts {
             return Ok(());
         }
         let way = &exit.path_um;
-        let class = instrument.classes.class(way);
+        let part = part(wi, exit.direction);
+        let class = instrument.classes.class(part as usize, way);
         self.interior[instrument.interior.bin(wi, exit.direction) + class] += 1;
         let [sum, squares] = &mut self.ways_um[class];
         for r in 0..REGIONS {
             sum[r] += way[r];
             squares[r] += way[r] * way[r];
         }
-        let through = usize::from((wi.z > 0.0) != (exit.direction.z > 0.0));
+        let through = usize::from(part == Part::Through);
         for (sum, mu) in self.remaining.iter_mut().zip(&instrument.checks) {
             sum[through] += remaining(mu, way);
         }

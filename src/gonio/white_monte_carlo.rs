@@ -13,7 +13,7 @@
 //! | walks | `walks` (per side, the same number from each polar bin, rounded up) | | 1e6 |
 //! | polar bins | `thetas` | | 18 |
 //! | bins of the angle between the azimuths | `surface_phis`, `interior_phis` | | 18, 9 |
-//! | K | `classes` (at most) | | 64 |
+//! | K | `classes` (at most, of all parts together) | | 96 |
 //!
 //! Surface and interior share their polar bins: only so the energy of both is kept at every node, also at grazing angles
 //! where one takes over from the other. A pilot of other walks makes the classes. Walk i from a bin draws from a stream of
@@ -34,9 +34,9 @@ use rayon::prelude::*;
 
 use super::goniophotometer::Progress;
 use super::path_classes::{PathClasses, Ways, checks};
-use super::petal_optics::MAX_BINS;
+use super::petal_optics::{MAX_BINS, PARTS};
 use super::recolour::class_remaining;
-use super::white_counts::{Counts, ExitBins, Instrument, check};
+use super::white_counts::{Counts, ExitBins, Instrument, check, part};
 use super::white_tables::{Flux, balance};
 use super::{AngleGrid, Estimate, PetalOptics, WhiteTotals};
 use crate::geometry::Side;
@@ -72,7 +72,7 @@ pub struct WhiteMonteCarlo {
 
 impl Default for WhiteMonteCarlo {
     fn default() -> Self {
-        Self { walks: 1_000_000, seed: 0, thetas: 18, surface_phis: 18, interior_phis: 9, classes: 64 }
+        Self { walks: 1_000_000, seed: 0, thetas: 18, surface_phis: 18, interior_phis: 9, classes: 96 }
     }
 }
 
@@ -83,13 +83,17 @@ impl WhiteMonteCarlo {
             ("thetas", self.thetas, MAX_BINS[0]),
             ("surface_phis", self.surface_phis, MAX_BINS[1]),
             ("interior_phis", self.interior_phis, MAX_BINS[1]),
-            ("classes", self.classes, MAX_BINS[2]),
         ];
         for (key, value, most) in at_least_1 {
             if !(1..=most).contains(&value) {
                 let what = format!("{value} is not within 1 to {most}");
                 return Err(Error::invalid(format!("white.{key}"), what));
             }
+        }
+        // Each part has a class at least.
+        if !(PARTS..=MAX_BINS[2]).contains(&self.classes) {
+            let what = format!("{} is not within {PARTS} to {}", self.classes, MAX_BINS[2]);
+            return Err(Error::invalid("white.classes", what));
         }
         // A bin's count has 32 bits.
         let (least, most) = (2 * self.thetas as u64, u64::from(u32::MAX));
@@ -154,10 +158,10 @@ impl WhiteMonteCarlo {
         DVec3::new(sin2.sqrt() * cos_phi, sin2.sqrt() * sin_phi, if side == 0 { z } else { -z })
     }
 
-    /// Ways of interior walks from all bins.
-    fn pilot(&self, petal: &dyn WhiteScatter) -> Result<Vec<Ways>> {
+    /// Ways of interior walks from all bins, for each part.
+    fn pilot(&self, petal: &dyn WhiteScatter) -> Result<[Vec<Ways>; PARTS]> {
         let per_bin = PILOT.div_ceil(self.thetas as u64);
-        let bins: Vec<Result<Vec<Ways>>> = (0..2 * self.thetas)
+        let bins: Vec<Result<Vec<(usize, Ways)>>> = (0..2 * self.thetas)
             .into_par_iter()
             .map(|family| {
                 let mut ways = Vec::new();
@@ -167,16 +171,16 @@ impl WhiteMonteCarlo {
                     if let End::Left(exit) = petal.walk(wi, &mut stream) {
                         check(&exit)?;
                         if !exit.is_surface() {
-                            ways.push(exit.path_um);
+                            ways.push((part(wi, exit.direction) as usize, exit.path_um));
                         }
                     }
                 }
                 Ok(ways)
             })
             .collect();
-        let mut all = Vec::new();
+        let mut all: [Vec<Ways>; PARTS] = Default::default();
         for ways in bins {
-            all.append(&mut ways?);
+            ways?.into_iter().for_each(|(part, way)| all[part].push(way));
         }
         Ok(all)
     }
@@ -242,7 +246,8 @@ impl WhiteMonteCarlo {
             walks,
         };
         let (paths_um, spreads_um) = codebook(instrument, counts);
-        let class_error = class_error(instrument, counts, (&paths_um, &spreads_um), walks);
+        let class_error =
+            class_errors(instrument, counts, (&paths_um, &spreads_um), walks).into_iter().fold(0.0, f64::max);
         let mut tables = [surface.reciprocal(), interior.reciprocal()];
         let made: Vec<f64> = surface
             .shares_of(&tables[0])
@@ -318,28 +323,30 @@ fn codebook(instrument: &Instrument, counts: &[Counts]) -> (Codes, Codes) {
     (sums.iter().map(mean).collect(), sums.iter().map(spread).collect())
 }
 
-/// Largest difference, over the polar bins, the two ways out and the checks' absorption, between the share that is left of
+/// Largest difference, over the polar bins and the two ways out, between the share that each check's absorption leaves of
 /// the walks and of their classes.
-fn class_error(
+fn class_errors(
     instrument: &Instrument,
     counts: &[Counts],
     (paths_um, spreads_um): (&Codes, &Codes),
     walks: f64,
-) -> f64 {
-    let mut worst = 0.0f64;
-    for (m, mu) in instrument.checks.iter().enumerate() {
+) -> Vec<f64> {
+    let error = |(m, mu): (usize, &Ways)| {
         let left: Vec<f64> =
             paths_um.iter().zip(spreads_um).map(|(path, spread)| class_remaining(path, spread, mu)).collect();
+        let of_classes = |bins: &[u32]| -> f64 {
+            bins.iter().enumerate().map(|(i, n)| f64::from(*n) * left[i % left.len()]).sum()
+        };
+        let mut worst = 0.0f64;
         for c in counts {
-            let half = c.interior.len() / 2;
-            for (side, bins) in [&c.interior[..half], &c.interior[half..]].into_iter().enumerate() {
-                let classes: f64 =
-                    bins.iter().enumerate().map(|(i, n)| f64::from(*n) * left[i % left.len()]).sum();
-                worst = worst.max((classes - c.remaining[m][side]).abs() / walks);
+            let (back, through) = c.interior.split_at(c.interior.len() / 2);
+            for (bins, walked) in [back, through].into_iter().zip(c.remaining[m]) {
+                worst = worst.max((of_classes(bins) - walked).abs() / walks);
             }
         }
-    }
-    worst
+        worst
+    };
+    instrument.checks.iter().enumerate().map(error).collect()
 }
 
 #[cfg(test)]

@@ -1,3 +1,5 @@
+mod cells;
+
 use std::ops::ControlFlow;
 
 use super::*;
@@ -92,7 +94,7 @@ fn small() -> WhiteMonteCarlo {
 fn a_lambertian_sheet_is_measured() {
     let settings = WhiteMonteCarlo { thetas: 9, interior_phis: 3, surface_phis: 4, ..small() };
     let o = settings.measure(&Lambertian, DEPTH, &go).unwrap();
-    assert_eq!((o.paths_um.len(), o.paths_um[0]), (1, [10.0, 0.0, 0.0, 0.0]));
+    assert_eq!(o.paths_um, [[10.0, 0.0, 0.0, 0.0]; 3]);
     let walks = 2.0 * o.walks as f64;
     let z = (o.cut_off as f64 - 0.2 * walks) / (walks * 0.16).sqrt();
     assert!(z.abs() < 4.0, "{z}");
@@ -118,7 +120,8 @@ fn a_lambertian_sheet_is_measured() {
                     // Both ways' counts, or the one of the diagonal twice.
                     let one = if part != Part::Through && a == b { 2.0 } else { 1.0 };
                     let count = f * walks * (grid.bin_measure(a) + grid.bin_measure(b)) / 3.0 / one;
-                    let got = f64::from(o.interior.bin(part, a, b, phi)[0]);
+                    let got: f32 = o.interior.bin(part, a, b, phi).iter().sum();
+                    let got = f64::from(got);
                     chi2 += (got / f - 1.0).powi(2) * count;
                     bins += 1.0;
                 }
@@ -219,7 +222,7 @@ fn wrong_settings_and_walks_are_errors() {
         (WhiteMonteCarlo { thetas: 0, ..ok.clone() }, "white.thetas"),
         (WhiteMonteCarlo { surface_phis: 1000, ..ok.clone() }, "white.surface_phis"),
         (WhiteMonteCarlo { interior_phis: 0, ..ok.clone() }, "white.interior_phis"),
-        (WhiteMonteCarlo { classes: 0, ..ok.clone() }, "white.classes"),
+        (WhiteMonteCarlo { classes: 2, ..ok.clone() }, "white.classes"),
         (WhiteMonteCarlo { thetas: 90, interior_phis: 180, ..ok.clone() }, "white.classes"),
     ] {
         let error = bad.measure(&SHEET, DEPTH, &go).unwrap_err().to_string();

@@ -1,0 +1,232 @@
+//! Walks through real cells: 'Rote Rose' with its four layers.
+
+use std::sync::Arc;
+
+use super::*;
+use crate::gonio::white_counts::Counts;
+use crate::micro::{CellDescription, CellWalk, Tissue, TissueDescription};
+
+const TISSUE: &str = "
+[adaxial]
+depth_um = 20.0
+[palisade]
+thickness_um = 40.0
+scattering_per_mm = 40.0
+anisotropy = 0.85
+[spongy]
+thickness_um = 110.0
+scattering_per_mm = 100.0
+anisotropy = 0.8
+[abaxial]
+depth_um = 15.0
+roughness = 0.2
+";
+
+fn rose() -> CellWalk {
+    let description: TissueDescription = toml::from_str(TISSUE).unwrap();
+    CellWalk::new(Arc::new(Tissue::new(&description, &CellDescription::default(), "tissue").unwrap()))
+}
+
+/// Absorption of anthocyanin at its peak, 0.0725 cm2/ug, for amounts in the upper and the lower epidermis (ug/cm2) and an
+/// optical depth of the mesophyll.
+fn pigment(walk: &CellWalk, upper: f64, lower: f64, mesophyll: f64) -> [f64; REGIONS] {
+    let d = walk.tissue().depth_um;
+    let slabs = d[1] + d[2];
+    [0.0725 * upper / d[0], mesophyll / slabs, mesophyll / slabs, 0.0725 * lower / d[3]]
+}
+
+#[test]
+fn cells_keep_white_light() {
+    let walk = rose();
+    let settings = WhiteMonteCarlo { walks: 30_000, thetas: 6, ..small() };
+    let o = settings.measure(&walk, walk.tissue().depth_um, &go).unwrap();
+    for t in &o.totals {
+        // Each share has its noise, their sum has none: every walk leaves, but for light that grazes for ever.
+        let sum = t.surface.value + t.interior.value + t.transmitted.value;
+        assert!((sum - 1.0).abs() <= o.cut_off as f64 / 5000.0 + 1e-12, "{t:?}");
+        let (r, through) = o.reflectance(t.side, t.incident_deg, &[0.0; REGIONS]);
+        assert!(r + through <= 1.0 && r + through > 0.9998, "{r} {through}");
+        let noise = 4.0 * t.transmitted.standard_error;
+        assert!((through - t.transmitted.value).abs() < 0.01 + noise, "{through} {t:?}");
+    }
+    assert_eq!(o.cut_off, 0);
+}
+
+#[test]
+fn cells_are_reciprocal() {
+    // Raw counts of the two ways of each pair of bins, summed over classes and azimuths, against one another.
+    let walk = rose();
+    let settings = WhiteMonteCarlo { walks: 60_000, thetas: 6, ..small() };
+    let classes = PathClasses::new(&Default::default(), &walk.tissue().depth_um, 3);
+    let bins = |grid, classes| ExitBins { grid, classes };
+    let instrument = Instrument {
+        surface: bins(settings.surface(), 1),
+        interior: bins(settings.interior(), 3),
+        classes,
+        checks: Vec::new(),
+    };
+    let counts = settings.follow(&walk, &instrument, &go).unwrap();
+    let grid = settings.interior();
+    let n = 6;
+    let (mut chi2, mut pairs) = ([0.0; 2], [0.0; 2]);
+    let one_way = |c: &Counts, surface: bool, through: bool, b: usize| -> f64 {
+        let (bins, values) =
+            if surface { (&instrument.surface, &c.surface) } else { (&instrument.interior, &c.interior) };
+        let first = bins.first(through, b, 0);
+        values[first..first + bins.grid.phis * bins.classes].iter().map(|v| f64::from(*v)).sum()
+    };
+    for (from, back, through) in [(0, 0, false), (1, 1, false), (0, 1, true)] {
+        for a in 0..n {
+            for b in 0..n {
+                if !through && b <= a {
+                    continue;
+                }
+                for surface in [false, true] {
+                    let there = one_way(&counts[from * n + a], surface, through, b);
+                    let reverse = one_way(&counts[back * n + b], surface, through, a);
+                    let (pa, pb) = (grid.bin_measure(a), grid.bin_measure(b));
+                    if there + reverse < 20.0 {
+                        continue;
+                    }
+                    chi2[usize::from(surface)] +=
+                        (pa * there - pb * reverse).powi(2) / (pa * pa * there + pb * pb * reverse);
+                    pairs[usize::from(surface)] += 1.0;
+                }
+            }
+        }
+    }
+    for (chi2, pairs) in chi2.into_iter().zip(pairs) {
+        let z = (chi2 - pairs) / (2.0f64 * pairs).sqrt();
+        assert!(pairs > 15.0 && z < 4.0, "{chi2} of {pairs}");
+    }
+}
+
+#[test]
+fn cells_recoloured_as_absorbed_on_the_way() {
+    let walk = rose();
+    let settings = WhiteMonteCarlo { walks: 72_000, thetas: 6, interior_phis: 3, ..small() };
+    let o = settings.measure(&walk, walk.tissue().depth_um, &go).unwrap();
+    assert!(o.class_error < 0.002, "{}", o.class_error);
+    let amounts = [
+        (30.0, 0.0, 0.0),
+        (120.0, 0.0, 0.0),
+        (0.0, 60.0, 0.0),
+        (45.0, 20.0, 0.0),
+        (60.0, 60.0, 0.0),
+        (0.0, 0.0, 0.5),
+    ];
+    let n = 24_000;
+    for (family, side) in [(1, Side::Adaxial), (4, Side::Adaxial), (8, Side::Abaxial)] {
+        let incident_deg = settings.surface().theta_deg(family % 6);
+        let white = o.reflectance(side, incident_deg, &[0.0; REGIONS]);
+        for (k, (upper, lower, mesophyll)) in amounts.into_iter().enumerate() {
+            let mu = pigment(&walk, upper, lower, mesophyll);
+            // Half of the walks as light that is absorbed on its way, half as white walks with weights.
+            let mut ends = [[crate::math::stats::Welford::default(); 2]; 2];
+            for i in 0..n {
+                let mut stream = Stream::new(99, (k * 100 + family) as u64, i);
+                let wi = settings.lamp(family, &mut stream);
+                let analog = usize::from(i % 4 == 0);
+                let end = if analog == 1 {
+                    walk.absorbing(wi, &mu, &mut stream).map(|end| (end, 1.0))
+                } else {
+                    let end = walk.walk(wi, &mut stream);
+                    let weight = if let End::Left(exit) = end { exit.remaining(&mu) } else { 0.0 };
+                    Some((end, weight))
+                };
+                let mut shares = [0.0; 2];
+                if let Some((End::Left(exit), weight)) = end {
+                    shares[usize::from((exit.direction.z > 0.0) != (wi.z > 0.0))] = weight;
+                }
+                (0..2).for_each(|way| ends[analog][way].push(shares[way]));
+            }
+            let (r, t) = o.reflectance(side, incident_deg, &mu);
+            for (way, (got, white)) in [(r, white.0), (t, white.1)].into_iter().enumerate() {
+                for (analog, direct) in ends.iter().map(|e| &e[way]).enumerate() {
+                    // The tables' own noise is that of 12 000 walks.
+                    let noise = direct.standard_error().hypot(direct.variance().sqrt() / 12_000f64.sqrt());
+                    let error = got - direct.mean();
+                    if std::env::var_os("SHOW").is_some() {
+                        eprintln!(
+                            "{side:?} {incident_deg} {upper} {lower} {mesophyll} way {way} analog {analog}: {got:.5} {:.5} diff {error:+.5} noise {noise:.5} rel {:+.4}",
+                            direct.mean(),
+                            error / direct.mean()
+                        );
+                    }
+                    assert!(error.abs() < 0.01 * white.max(got) + 3.5 * noise, "{side:?} {incident_deg}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn explore() {
+    if std::env::var_os("SHOW").is_none() {
+        return;
+    }
+    let walk = rose();
+    let depth = walk.tissue().depth_um;
+    for (walks, classes) in [(100_000, 48), (100_000, 96), (100_000, 128)] {
+        let settings = WhiteMonteCarlo { walks, classes, seed: 5, ..Default::default() };
+        {
+            let classes = PathClasses::new(&settings.pilot(&walk).unwrap(), &depth, classes);
+            let bins = |grid, classes| ExitBins { grid, classes };
+            let instrument = Instrument {
+                surface: bins(settings.surface(), 1),
+                interior: bins(settings.interior(), classes.len()),
+                classes,
+                checks: checks(&depth),
+            };
+            let counts = settings.follow(&walk, &instrument, &go).unwrap();
+            let (paths, spreads) = codebook(&instrument, &counts);
+            let n = settings.walks_per_bin() as f64;
+            eprintln!("checks {:?}", instrument.checks);
+            eprintln!("errors {:?}", class_errors(&instrument, &counts, (&paths, &spreads), n));
+            for (side, name) in [(0, "adaxial"), (18, "abaxial")] {
+                let e =
+                    |r: std::ops::Range<usize>| class_errors(&instrument, &counts[r], (&paths, &spreads), n);
+                eprintln!(
+                    "{name}: steep {:?}\n mid {:?}\n grazing {:?}",
+                    e(side..side + 6),
+                    e(side + 6..side + 14),
+                    e(side + 14..side + 18)
+                );
+            }
+        }
+        let start = std::time::Instant::now();
+        let o = settings.measure(&walk, depth, &go).unwrap();
+        let s = start.elapsed().as_secs_f64();
+        eprintln!(
+            "{walks} per side, {} classes: {s:.1} s, {:.0} walks/s, class error {:.5}, asymmetry {:.5}, cut off {}",
+            o.paths_um.len(),
+            2.0 * walks as f64 / s,
+            o.class_error,
+            o.asymmetry,
+            o.cut_off
+        );
+        if classes == 96 {
+            for t in o.totals.iter() {
+                let (r, through) = o.reflectance(t.side, t.incident_deg, &[0.0; REGIONS]);
+                eprintln!(
+                    "{:?} {:4}: surface {:.4} interior {:.4} transmitted {:.4}; table R {r:.4} T {through:.4} dR {:+.4}",
+                    t.side,
+                    t.incident_deg,
+                    t.surface.value,
+                    t.interior.value,
+                    t.transmitted.value,
+                    r - t.surface.value - t.interior.value
+                );
+            }
+            let bytes = crate::io::petal_optics::write(&o).unwrap();
+            eprintln!("{} bytes", bytes.len());
+            let start = std::time::Instant::now();
+            let mus: Vec<_> = (0..401).map(|i| pigment(&walk, 0.3 * i as f64, 10.0, 0.1)).collect();
+            let spectrum = o.recolour(Side::Adaxial, 32.0, &mus);
+            eprintln!("recolour 401 wavelengths: {:?} {:?}", start.elapsed(), spectrum[400]);
+            let start = std::time::Instant::now();
+            let t = o.interior_at(&mus[3]);
+            eprintln!("interior_at: {:?} {}", start.elapsed(), t.values[3]);
+        }
+    }
+}
