@@ -36,6 +36,7 @@ pub mod angular;
 mod path_classes;
 mod white_counts;
 mod white_tables;
+mod white_calibrate;
 pub mod white_monte_carlo;
 pub mod recolour;
 pub mod tabulated;

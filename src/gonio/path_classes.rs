@@ -193,7 +193,7 @@ fn sets(depth_um: &Ways, wanted: &[(&[usize], &[f64])]) -> Vec<Ways> {
 }
 
 /// Coefficients that the classes are made for: each epidermis alone, both, the mesophyll, everything.
-fn training(depth_um: &Ways) -> Vec<Ways> {
+pub(super) fn training(depth_um: &Ways) -> Vec<Ways> {
     sets(
         depth_um,
         &[

@@ -44,7 +44,8 @@ pub(super) struct Instrument {
     pub(super) classes: PathClasses,
     pub(super) surface: ExitBins,
     pub(super) interior: ExitBins,
-    /// Absorption coefficients at which the classes are checked.
+    /// Absorption coefficients that the classes are calibrated for, and others at which they are checked.
+    pub(super) training: Vec<Ways>,
     pub(super) checks: Vec<Ways>,
 }
 
@@ -59,7 +60,8 @@ pub(super) struct Counts {
     pub(super) cut_off: u64,
     /// Sums of the ways of each class, um, and of their squares, um2.
     pub(super) ways_um: Vec<[Ways; 2]>,
-    /// Sum over the interior walks of the share that each check's absorption leaves, on the lit and the other side.
+    /// Sum over the interior walks of the share that each absorption leaves, on the lit and the other side; the training's
+    /// first, then the checks'.
     pub(super) remaining: Vec<[f64; 2]>,
 }
 
@@ -70,7 +72,7 @@ impl Counts {
             interior: vec![0; instrument.interior.len()],
             cut_off: 0,
             ways_um: vec![[Ways::default(); 2]; instrument.classes.len()],
-            remaining: vec![[0.0; 2]; instrument.checks.len()],
+            remaining: vec![[0.0; 2]; instrument.training.len() + instrument.checks.len()],
         }
     }
 
@@ -95,7 +97,7 @@ impl Counts {
             squares[r] += way[r] * way[r];
         }
         let through = usize::from(part == Part::Through);
-        for (sum, mu) in self.remaining.iter_mut().zip(&instrument.checks) {
+        for (sum, mu) in self.remaining.iter_mut().zip(instrument.training.iter().chain(&instrument.checks)) {
             sum[through] += remaining(mu, way);
         }
         Ok(())

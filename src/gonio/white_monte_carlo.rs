@@ -23,7 +23,8 @@
 //! Standard error of a total R of one bin: sqrt(R (1 - R) thetas / walks), 0.2 % of 0.5 by default.
 //!
 //! Limits: a value is the mean of its bin, so what is sharper than a bin is not seen (`a_lambertian_sheet_is_measured` has the
-//! case without); the classes' loss is measured and stored as `class_error` (`recoloured_as_walked`).
+//! case without); the classes are calibrated to the totals of every polar bin and what they
+//! still miss is stored as `class_error` (`recoloured_as_walked`).
 //! Source: our reading; white Monte Carlo: Alerstam, Andersson-Engels, Svensson 2008.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
@@ -33,12 +34,13 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::goniophotometer::Progress;
-use super::path_classes::{PathClasses, Ways, checks};
+use super::path_classes::{PathClasses, Ways, checks, training};
 use super::petal_optics::{MAX_BINS, PARTS};
 use super::recolour::class_remaining;
+use super::white_calibrate::{Targets, calibrate, class_totals};
 use super::white_counts::{Counts, ExitBins, Instrument, check, part};
 use super::white_tables::{Flux, balance};
-use super::{AngleGrid, Estimate, PetalOptics, WhiteTotals};
+use super::{AngleGrid, AngularTable, Estimate, PetalOptics, WhiteTotals};
 use crate::geometry::Side;
 use crate::math::Stream;
 use crate::micro::{End, REGIONS, WhiteScatter};
@@ -46,6 +48,8 @@ use crate::{Error, Result};
 
 /// Walks per side of the pilot that makes the classes.
 const PILOT: u64 = 20_000;
+/// Passes and damping of the classes' calibration.
+const CALIBRATION: (usize, f64) = (8, 1e-2);
 /// Walks per unit of parallel work.
 const CHUNK: u64 = 8192;
 /// Units whose counters are held at once: a bound on memory, without effect on the result.
@@ -140,10 +144,11 @@ impl WhiteMonteCarlo {
             surface: bins(self.surface(), 1),
             interior: bins(self.interior(), classes.len()),
             classes,
+            training: training(&depth_um),
             checks: checks(&depth_um),
         };
         let counts = self.follow(petal, &instrument, progress)?;
-        Ok(self.evaluate(&instrument, &counts))
+        Ok(self.evaluate(&instrument, &counts, CALIBRATION))
     }
 
     /// Direction to the lamp for a walk from a bin.
@@ -233,7 +238,7 @@ impl WhiteMonteCarlo {
         Ok(counts)
     }
 
-    fn evaluate(&self, instrument: &Instrument, counts: &[Counts]) -> PetalOptics {
+    fn evaluate(&self, instrument: &Instrument, counts: &[Counts], how: (usize, f64)) -> PetalOptics {
         let walks = self.walks_per_bin() as f64;
         let surface = Flux {
             bins: instrument.surface,
@@ -246,8 +251,6 @@ impl WhiteMonteCarlo {
             walks,
         };
         let (paths_um, spreads_um) = codebook(instrument, counts);
-        let class_error =
-            class_errors(instrument, counts, (&paths_um, &spreads_um), walks).into_iter().fold(0.0, f64::max);
         let mut tables = [surface.reciprocal(), interior.reciprocal()];
         let made: Vec<f64> = surface
             .shares_of(&tables[0])
@@ -267,7 +270,30 @@ impl WhiteMonteCarlo {
             .map(|(made, measured)| (made - measured).abs() / measured)
             .fold(0.0, f64::max);
         balance(&mut tables[0], &left_surface);
+        let remaining = |mu: &Ways| -> Vec<f64> {
+            let codes = paths_um.iter().zip(&spreads_um);
+            codes.map(|(path, spread)| class_remaining(path, spread, mu)).collect()
+        };
+        // Without absorption, with the training's, with the checks'.
+        let none = Ways::default();
+        let all = [&none].into_iter().chain(&instrument.training).chain(&instrument.checks);
+        let left_of_classes: Vec<Vec<f64>> = all.map(remaining).collect();
+        let targets: Targets = bins()
+            .zip(counts)
+            .map(|((side, a), c)| {
+                [0, 1].map(|way| {
+                    let white = interior.share(side, a, way == 1);
+                    [white].into_iter().chain(c.remaining.iter().map(|r| r[way] / walks)).collect()
+                })
+            })
+            .collect();
+        let calibrated = 1 + instrument.training.len();
+        calibrate(&mut tables[1], &left_of_classes[..calibrated], &targets, how);
         balance(&mut tables[1], &left_interior);
+        let class_error = class_errors(&tables[1], &left_of_classes, &targets)
+            .split_off(calibrated)
+            .into_iter()
+            .fold(0.0, f64::max);
         let estimate = |share: f64| Estimate::from_sums(share * walks, share * walks, walks);
         let totals = bins()
             .map(|(side, a)| WhiteTotals {
@@ -323,30 +349,24 @@ fn codebook(instrument: &Instrument, counts: &[Counts]) -> (Codes, Codes) {
     (sums.iter().map(mean).collect(), sums.iter().map(spread).collect())
 }
 
-/// Largest difference, over the polar bins and the two ways out, between the share that each check's absorption leaves of
-/// the walks and of their classes.
-fn class_errors(
-    instrument: &Instrument,
-    counts: &[Counts],
-    (paths_um, spreads_um): (&Codes, &Codes),
-    walks: f64,
-) -> Vec<f64> {
-    let error = |(m, mu): (usize, &Ways)| {
-        let left: Vec<f64> =
-            paths_um.iter().zip(spreads_um).map(|(path, spread)| class_remaining(path, spread, mu)).collect();
-        let of_classes = |bins: &[u32]| -> f64 {
-            bins.iter().enumerate().map(|(i, n)| f64::from(*n) * left[i % left.len()]).sum()
-        };
+/// For each set of coefficients the largest difference, over the polar bins and the two ways out, between the share that is
+/// left of the walks and that of the table's classes, where the table has the measured white share.
+fn class_errors(table: &AngularTable, left: &[Vec<f64>], targets: &Targets) -> Vec<f64> {
+    let totals = class_totals(table);
+    let error = |m: usize| {
         let mut worst = 0.0f64;
-        for c in counts {
-            let (back, through) = c.interior.split_at(c.interior.len() / 2);
-            for (bins, walked) in [back, through].into_iter().zip(c.remaining[m]) {
-                worst = worst.max((of_classes(bins) - walked).abs() / walks);
+        for (totals, targets) in totals.iter().zip(targets) {
+            for (totals, targets) in totals.iter().zip(targets) {
+                let white: f64 = totals.iter().sum();
+                let colored: f64 = totals.iter().zip(&left[m]).map(|(p, e)| p * e).sum();
+                if white > 0.0 {
+                    worst = worst.max((colored / white * targets[0] - targets[m]).abs());
+                }
             }
         }
         worst
     };
-    instrument.checks.iter().enumerate().map(error).collect()
+    (0..left.len()).map(error).collect()
 }
 
 #[cfg(test)]
