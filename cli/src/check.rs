@@ -42,8 +42,8 @@ pub(crate) fn run(args: &Args, global: Global) -> Result<Outcome> {
     models.extend(wrong::all());
     let bar = progress::Bar::new("check");
     let petals = validate::shipped_petals()?;
-    let tissues = validate::shipped_tissues()?;
-    let total = (models.len() + petals.len() + tissues.len()) as u64;
+    let tables = validate::shipped_tables()?;
+    let total = (models.len() + petals.len() + tables.len()) as u64;
     let done = std::sync::atomic::AtomicU64::new(0);
     let count = || bar.show(1 + done.fetch_add(1, std::sync::atomic::Ordering::Relaxed), total);
     let mut verdicts: Vec<Verdict> = models
@@ -75,14 +75,14 @@ pub(crate) fn run(args: &Args, global: Global) -> Result<Outcome> {
         })
         .collect::<Result<_>>()?;
     verdicts.extend(checked);
-    let checked: Vec<Verdict> = tissues
+    let checked: Vec<Verdict> = tables
         .par_iter()
         .map(|(name, petal)| {
             if progress::stopped() {
                 return Err(Error::Cancelled);
             }
-            let name = format!("petal {name}");
-            let report = check_bsdf(&name, petal, &settings);
+            let name = format!("tables {name}");
+            let report = check_bsdf(&name, petal, &Settings::for_tables());
             count();
             Ok(Verdict { name, as_expected: report.passed(), flaw: None, report })
         })

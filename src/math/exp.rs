@@ -23,7 +23,7 @@ const ROUND: f32 = 12_582_912.0;
 pub fn exp<const N: usize>(x: [f32; N]) -> [f32; N] {
     let mut out = [0.0; N];
     for i in 0..N {
-        let x = x[i].max(-87.0).min(88.0);
+        let x = x[i].clamp(-87.0, 88.0);
         let shifted = x * LOG2_E + ROUND;
         let n = shifted - ROUND;
         let r = x - n * LN_2.0 - n * LN_2.1;

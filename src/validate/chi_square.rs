@@ -18,8 +18,6 @@ use crate::spectrum::SampledWavelengths;
 
 /// Smallest expected count of a pool of bins.
 const MIN_EXPECTED: f64 = 5.0;
-/// Error of a bin's integral, as a share of all samples.
-const BIN_TOLERANCE: f64 = 1e-7;
 /// Error that the integral over the whole sphere may have.
 const INTEGRAL_TOLERANCE: f64 = 1e-3;
 
@@ -76,7 +74,7 @@ fn expected_shares(bsdf: &dyn Bsdf, case: &Case, settings: &Settings) -> Vec<f64
     for i in 0..theta_bins {
         for j in 0..phi_bins {
             let (theta, phi) = ([edge(i), edge(i + 1)], [phi_edge(j), phi_edge(j + 1)]);
-            shares.push(rule.integrate_adaptive(theta, phi, BIN_TOLERANCE, 1, &mut density));
+            shares.push(rule.integrate_adaptive(theta, phi, settings.bin_tolerance, 1, &mut density));
         }
     }
     shares

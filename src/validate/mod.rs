@@ -2,7 +2,7 @@
 //!
 //! Nothing here prints or panics: every check returns its statistic, its tolerance and whether it passed.
 //! [`check_bsdf`] runs the conformance suite over one model, [`check_scatter`] what can be said of a thing
-//! that may only be simulated, [`check_petal`] also its estimate, [`shipped()`], [`shipped_petals`] and [`shipped_tissues`] list the models that the program ships, and [`compare`] weighs
+//! that may only be simulated, [`check_petal`] also its estimate, [`shipped()`], [`shipped_petals`] and [`shipped_tables`] list the models that the program ships, and [`compare`] weighs
 //! images. [`wrong`] holds models with one deliberate fault each, to show that the suite rejects them.
 //!
 //! | test | claim | statistic | fails |
@@ -39,7 +39,7 @@ pub use estimator::{Estimate, check_estimator, check_petal};
 pub use scatter::check_scatter;
 #[doc(hidden)]
 pub use sheet::sheet;
-pub use shipped::{Flaw, Shipped, shipped, shipped_petals, shipped_tissues};
+pub use shipped::{Flaw, Shipped, shipped, shipped_petals, shipped_tables};
 
 /// How thoroughly to check. The default takes about a second of one core per model.
 #[derive(Clone, Debug, PartialEq)]
@@ -59,6 +59,9 @@ pub struct Settings {
     pub pairs: u32,
     /// Distance of the wavelengths at which the energy is checked over the visible range. Default 5 nm.
     pub wavelength_step_nm: f32,
+    /// Error that the integral of the pdf over a bin may have, as a share of all samples. Default 1e-7. Tables have kinks
+    /// everywhere, at which the integral converges slowly.
+    pub bin_tolerance: f64,
     /// Seed of all random numbers. Default 0.
     pub seed: u64,
 }
@@ -73,7 +76,24 @@ impl Default for Settings {
             nodes: (64, 128),
             pairs: 4000,
             wavelength_step_nm: 5.0,
+            bin_tolerance: 1e-7,
             seed: 0,
+        }
+    }
+}
+
+impl Settings {
+    /// For tables: fewer directions and samples, and integrals whose error is a hundredth of a sample.
+    pub fn for_tables() -> Self {
+        Self {
+            incidences_deg: vec![0.0, 40.0, 86.0],
+            samples: 20_000,
+            bins: (6, 24),
+            nodes: (48, 96),
+            pairs: 1000,
+            wavelength_step_nm: 20.0,
+            bin_tolerance: 5e-6,
+            ..Self::default()
         }
     }
 }

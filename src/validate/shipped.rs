@@ -50,10 +50,6 @@ pub fn shipped() -> Result<Vec<Shipped>> {
     let red = |low: f64, high: f64| {
         Spectrum::from_fn(move |nm| low + (high - low) / (1.0 + (-(nm - 600.0) / 15.0).exp()))
     };
-    // Absorption of pigment, 1/um, from a strong band in the green to none in the red.
-    let pigment =
-        |strength: f64| Spectrum::from_fn(move |nm| strength * (-((nm - 540.0) / 50.0).powi(2)).exp());
-    let tabulated = TabulatedBsdf::new(&sheet(6, 4), [pigment(0.05), 0.0.into(), 0.0.into(), pigment(0.02)])?;
     let models: Vec<(&'static str, Box<dyn Bsdf>)> = vec![
         ("lambert", Box::new(Lambert::new(0.5.into())?)),
         ("lambert white", Box::new(Lambert::new(1.0.into())?)),
@@ -66,7 +62,6 @@ pub fn shipped() -> Result<Vec<Shipped>> {
         ("phong dull", Box::new(Phong::new(red(0.05, 0.6), 0.3.into(), 3.0)?)),
         ("phong glossy", Box::new(Phong::new(0.3.into(), 0.7.into(), 60.0)?)),
         ("phong sharp", Box::new(Phong::new(0.0.into(), 1.0.into(), 600.0)?)),
-        ("tabulated sheet", Box::new(tabulated)),
     ];
     let mut all: Vec<Shipped> =
         models.into_iter().map(|(name, bsdf)| Shipped { name, bsdf, expected_to_fail: None }).collect();
@@ -103,9 +98,9 @@ pub fn shipped_petals() -> Result<Vec<(&'static str, CellPetal)>> {
     Ok(all)
 }
 
-/// Every petal with a tissue that comes with the program, coarsely measured, for [`super::check_bsdf`]: what is checked does not
-/// depend on the number of walks or bins.
-pub fn shipped_tissues() -> Result<Vec<(&'static str, TabulatedBsdf)>> {
+/// A sheet that exists as tables only, and every petal with a tissue that comes with the program, coarsely measured, for
+/// [`super::check_bsdf`] with [`super::Settings::for_tables`]: what is checked does not depend on the number of walks or bins.
+pub fn shipped_tables() -> Result<Vec<(&'static str, TabulatedBsdf)>> {
     let instrument = WhiteMonteCarlo {
         walks: 6000,
         thetas: 6,
@@ -114,7 +109,11 @@ pub fn shipped_tissues() -> Result<Vec<(&'static str, TabulatedBsdf)>> {
         classes: 8,
         ..WhiteMonteCarlo::default()
     };
-    let mut all = Vec::new();
+    // Absorption of pigment, 1/um, from a strong band in the green to none in the red.
+    let pigment =
+        |strength: f64| Spectrum::from_fn(move |nm| strength * (-((nm - 540.0) / 50.0).powi(2)).exp());
+    let tabulated = TabulatedBsdf::new(&sheet(6, 4), [pigment(0.05), 0.0.into(), 0.0.into(), pigment(0.02)])?;
+    let mut all = vec![("sheet", tabulated)];
     for &(name, text) in PRESETS {
         let description = load::<PetalDescription>(text, name, &[])?.description;
         if let Some(tissue) = description.build_tissue("")? {
