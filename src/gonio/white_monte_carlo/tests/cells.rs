@@ -143,7 +143,7 @@ fn cells_recoloured_as_absorbed_on_the_way() {
             }
             let (r, t) = o.reflectance(side, incident_deg, &mu);
             for (way, (got, white)) in [(r, white.0), (t, white.1)].into_iter().enumerate() {
-                for (analog, direct) in ends.iter().map(|e| &e[way]).enumerate() {
+                for direct in ends.iter().map(|e| &e[way]) {
                     // The tables' own noise is that of 12 000 walks.
                     let noise = direct.standard_error().hypot(direct.variance().sqrt() / 12_000f64.sqrt());
                     let error = got - direct.mean();
