@@ -16,6 +16,7 @@ mod plot;
 mod progress;
 mod render;
 mod report;
+mod reproduce;
 mod sample;
 mod spectral;
 mod swatch;
@@ -74,6 +75,7 @@ enum Command {
     Swatch(swatch::Args),
     Grow(grow::Args),
     Check(check::Args),
+    Reproduce(reproduce::Args),
     /// Write the JSON schema of scene files to standard output.
     ///
     /// Editors that know it complete and check the keys of a scene file.
@@ -134,6 +136,7 @@ fn run(cli: &Cli) -> Result<Outcome> {
         Command::Swatch(args) => swatch::run(args, global),
         Command::Grow(args) => grow::run(args, global),
         Command::Check(args) => check::run(args, global),
+        Command::Reproduce(args) => reproduce::run(args, global),
         Command::Schema => {
             let mut text = serde_json::to_string_pretty(&rosarium::scene::schema())
                 .map_err(|e| rosarium::Error::invalid("schema", e.to_string()))?;

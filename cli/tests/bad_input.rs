@@ -211,6 +211,9 @@ fn wrong_numbers_of_flags() {
     ] {
         fails(&dir, &["render", "scene.toml", flag, value], &[flag]);
     }
+    for walks in ["0", "999", "1e12", "many"] {
+        fails(&dir, &["reproduce", "laws", "--walks", walks], &["--walks"]);
+    }
     for (flag, value) in [
         ("--rays", "0"),
         ("--rays", "1.5"),

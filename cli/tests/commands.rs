@@ -204,6 +204,20 @@ fn threads_do_not_change_a_measurement() {
 }
 
 #[test]
+fn laws_are_measured_plotted_and_written() {
+    let dir = folder();
+    succeeds(&dir, &["reproduce", "laws", "--walks", "1000", "-o", "docs"]);
+    let page = String::from_utf8(read(&dir, "docs/laws.md")).unwrap();
+    let plots: Vec<&str> = page.split("](plots/").skip(1).filter_map(|rest| rest.split(')').next()).collect();
+    assert_eq!(plots.len(), 9, "{plots:?}");
+    for plot in plots {
+        let svg = String::from_utf8(read(&dir, &format!("docs/plots/{plot}"))).unwrap();
+        assert!(svg.starts_with("<svg") && !svg.contains("NaN"), "{plot}");
+    }
+    assert!(page.contains("`rosarium reproduce laws --walks 1000 -o docs`"));
+}
+
+#[test]
 fn cells_are_exported_and_plotted() {
     let dir = folder();
     succeeds(

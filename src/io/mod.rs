@@ -29,6 +29,7 @@ pub mod picture;
 pub mod pgii;
 pub mod zemax;
 pub mod measured;
+pub mod line_chart;
 pub mod lobe_plot;
 pub mod spectra_csv;
 pub mod spectra_plot;
