@@ -117,7 +117,7 @@ pub fn measure(effort: Effort) -> Result<Law> {
                  epidermis. Contrast: standard deviation over mean of the irradiance in bins of 1.5 um, without the noise of counting.",
         findings,
         remark: "Lenticular domes are lenses whose focus lies near the floor. The tall domes of the thesis are too strongly curved: their focus \
-                 lies within the cell, and on the floor the light is spread again, darker in the middle than at the rim (last number). What is \
+                 lies within the cell, and on the floor the light is spread again: the middle is no brighter than the mean (last number). What is \
                  measured is the light that the spongy layer receives; that it is seen as sparkle needs it to come back \
                  through the same dome, which depends on how far light spreads in the spongy layer.",
         chart: Chart {

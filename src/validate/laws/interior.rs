@@ -98,7 +98,7 @@ pub fn measure(effort: Effort) -> Result<Law> {
             ),
         ],
         remark: "The ratio of ways is below two because light that goes through has been in the upper epidermis more than once, too: the \
-                 mesophyll and the walls send part of it up and down again.",
+                 mesophyll and the walls send part of it up and down again. Ways are slanted, and totally reflected in the domes: each pass is longer than the layer is deep.",
         chart: Chart {
             title: "Law 5: interior light against Lambert's law".into(),
             x_label: "exitant angle, deg".into(),
