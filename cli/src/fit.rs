@@ -279,7 +279,7 @@ pub(crate) fn run(args: &Args, global: Global) -> Result<Outcome> {
 }
 
 /// The command that makes the same fit again.
-fn command() -> String {
+pub(crate) fn command() -> String {
     let quoted = |a: String| if a.contains([' ', '*', '[', '(']) { format!("'{a}'") } else { a };
     std::iter::once("rosarium".to_owned())
         .chain(std::env::args().skip(1).map(quoted))

@@ -4,6 +4,7 @@ mod assets;
 mod cell_model;
 mod cells;
 mod check;
+mod colour;
 mod convert;
 mod data;
 mod fit;
@@ -69,6 +70,7 @@ enum Command {
     Render(render::Args),
     Measure(measure::Args),
     Fit(Box<fit::Args>),
+    Colour(colour::Args),
     Convert(convert::Args),
     Plot(plot::Args),
     Cells(cells::Args),
@@ -130,6 +132,7 @@ fn run(cli: &Cli) -> Result<Outcome> {
         Command::Render(args) => render::run(args, global),
         Command::Measure(args) => measure::run(args, global),
         Command::Fit(args) => fit::run(args, global),
+        Command::Colour(args) => colour::run(args, global),
         Command::Convert(args) => convert::run(args, global),
         Command::Plot(args) => plot::run(args, global),
         Command::Cells(args) => cells::run(args, global),

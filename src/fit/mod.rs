@@ -28,6 +28,7 @@ mod summary;
 mod run;
 pub mod audit;
 pub mod report;
+pub mod spectrum;
 #[cfg(test)]
 pub(crate) mod toy;
 #[cfg(test)]

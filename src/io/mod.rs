@@ -41,6 +41,7 @@ pub mod fit_plot;
 pub mod residual_map;
 pub mod fit_html;
 mod fit_parts;
+pub mod spectrum_fit;
 pub mod cell_plot;
 
 pub use image::Image;

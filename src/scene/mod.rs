@@ -19,6 +19,7 @@ pub mod material;
 pub mod petal;
 pub mod tabulated;
 pub mod fitted;
+pub mod fitted_spectrum;
 pub mod shape;
 pub mod compile;
 pub mod trace;
