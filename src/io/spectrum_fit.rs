@@ -40,7 +40,11 @@ pub fn text(fit: &SpectrumFit) -> String {
         fit.rmse, fit.neighbour_correlation
     );
     let (agreeing, starts) = fit.agreeing_starts;
-    let _ = writeln!(out, "{starts} starts, {agreeing} ended at the same minimum");
+    let _ = writeln!(
+        out,
+        "{starts} starts, {agreeing} ended at the same minimum; {} evaluations",
+        fit.evaluations
+    );
     if !fit.converged {
         out.push_str("the search did not converge\n");
     }
@@ -116,6 +120,7 @@ mod tests {
             rmse: 0.0141,
             neighbour_correlation: 0.5,
             converged: true,
+            evaluations: 100,
             agreeing_starts: (4, 6),
             cut_off: 0.0,
             tissue: Default::default(),
@@ -127,7 +132,7 @@ mod tests {
             "gain                          1.0000   held",
             "3 wavelengths from 420 to 690 nm",
             "RMSE 0.01410",
-            "6 starts, 4 ended at the same minimum",
+            "6 starts, 4 ended at the same minimum; 100 evaluations",
         ] {
             assert!(text.contains(part), "{part:?} in {text}");
         }

@@ -49,6 +49,7 @@ mod tests {
             rmse: 0.01,
             neighbour_correlation: 0.0,
             converged: true,
+            evaluations: 100,
             agreeing_starts: (6, 6),
             cut_off: 0.0,
             tissue: toml::from_str(text).unwrap(),

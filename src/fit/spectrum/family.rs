@@ -50,6 +50,11 @@ impl PathFamily {
         Ok(Self { first_ln, step_ln, nodes })
     }
 
+    /// The same in about `classes` classes per node or less: for searches that are continued with all of them.
+    pub(crate) fn coarse(&self, classes: usize) -> Self {
+        Self { nodes: self.nodes.iter().map(|n| n.coarse(classes)).collect(), ..*self }
+    }
+
     /// Largest share of walks that were cut off.
     pub(crate) fn cut_off(&self) -> f64 {
         self.nodes.iter().map(|n| n.cut_off).fold(0.0, f64::max)

@@ -13,7 +13,8 @@
 //! | w | in which layers a pigment is: module `place` | | |
 //!
 //! The gain stands for what a fibre spectrometer does not know: how much of the light it collects.
-//! The least-squares search is that of goniometer fits, from six starts. Standard errors are those of the scaled covariance
+//! The least-squares search is that of goniometer fits: from six starts with some of the wavelengths, the best continued with
+//! all. Standard errors are those of the scaled covariance
 //! times sqrt((1 + rho) / (1 - rho)), rho the correlation of neighbouring residuals (at least 0): a spectrum that
 //! misses the model misses it over whole bands, so its readings are fewer than its rows (Bartlett 1946).
 //!
