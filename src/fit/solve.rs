@@ -37,6 +37,8 @@ impl Effort {
     pub(crate) const ROUGH: Effort = Effort { damping: 1e-3, stop: 1e-8 };
     /// From near the minimum, as well as intervals need.
     pub(crate) const WARM: Effort = Effort { damping: 1e-8, stop: 1e-10 };
+    /// To a few hundredths of a standard error, for models that are tables or sums of random walks.
+    pub(crate) const NOISY: Effort = Effort { damping: 1e-3, stop: 1e-6 };
     /// To rounding.
     pub(crate) const EXACT: Effort = Effort { damping: 1e-3, stop: 0.0 };
 }

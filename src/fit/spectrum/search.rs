@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -45,8 +45,10 @@ const MAX_POINTS: usize = 20_000;
 /// Wavelengths and classes of ways of the searches from the starts.
 const ROUGH_POINTS: usize = 32;
 const ROUGH_CLASSES: usize = 128;
-/// Step of the derivative by the peak, nm.
-const PEAK_STEP_NM: f64 = 0.01;
+/// Step of the derivative by the peak, nm: half a row of the table, between whose rows the band is linear.
+const PEAK_STEP_NM: f64 = 0.5;
+/// A full step that promises less than this share of the sum of squares ends at the minimum.
+const CONVERGED: f64 = 1e-5;
 
 /// How a spectrum is fitted.
 #[derive(Clone, Debug, PartialEq)]
@@ -328,7 +330,7 @@ fn rough(
             if square > 0.0 {
                 x[GAIN] = (dot / square).clamp(bounds.0[GAIN], bounds.1[GAIN]);
             }
-            ends.push(solve(&problem, &x, bounds, &ScaledLoss::LINEAR, Effort::ROUGH));
+            ends.push(solve(&problem, &x, bounds, &ScaledLoss::LINEAR, Effort::NOISY));
         }
     }
     let least = ends.iter().map(|e| e.cost).fold(f64::INFINITY, f64::min);
@@ -367,13 +369,15 @@ fn search(
     let bounds: (&[f64], &[f64]) = (&lower, &upper);
     let x = rough(points, layers, family, bounds, middle)?;
     let problem = Problem { points, layers, family, rows: (0..n).collect(), groups: vec![(0..n).collect()] };
-    let best = solve(&problem, &x.x, bounds, &ScaledLoss::LINEAR, Effort::WARM);
+    let best = solve(&problem, &x.x, bounds, &ScaledLoss::LINEAR, Effort::NOISY);
     if !best.cost.is_finite() {
         return Err(Error::invalid("fit", "the petal reflects nothing at any start"));
     }
     let uncertainty =
         Uncertainty::new(&best, bounds, &ScaledLoss::LINEAR, Covariance::Scaled, &problem.groups);
     let squares: f64 = best.residuals.iter().map(|r| r * r).sum();
+    let gradient = best.jacobian.tr_mul(&DVector::from_column_slice(&best.residuals));
+    let promise = gradient.dot(&(&uncertainty.inverse * &gradient));
     let rho = if squares > 0.0 {
         best.residuals.windows(2).map(|w| w[0] * w[1]).sum::<f64>() / squares
     } else {
@@ -408,7 +412,7 @@ fn search(
         modelled: points.iter().zip(&best.residuals).map(|(p, r)| p.1 + r).collect(),
         rmse: (squares / n as f64).sqrt(),
         neighbour_correlation: rho,
-        converged: best.converged,
+        converged: best.converged || promise <= CONVERGED * squares,
         evaluations: x.evaluations + best.evaluations,
         agreeing_starts: x.agreeing,
         cut_off: family.cut_off(),
