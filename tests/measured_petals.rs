@@ -33,6 +33,6 @@ fn measured_flowers_are_met() {
         })
         .expect("a fit");
         eprintln!("{column}: RMSE {:.4}", fit.rmse);
-        assert!(fit.rmse <= 0.03, "{column}: {:.4} {:?}", fit.rmse, fit.parameters);
+        assert!(fit.rmse <= bound && fit.converged, "{column}: {:.4} {:?}", fit.rmse, fit.parameters);
     }
 }
