@@ -19,7 +19,8 @@
 //! misses the model misses it over whole bands, so its readings are fewer than its rows (Bartlett 1946).
 //!
 //! Limits: geometry, refractive indices and anisotropy are the petal's; the band's form is that of leaves. Known amounts
-//! come back, guarded by `known_amounts_are_recovered`. What the errors leave out: the noise of the walks (at most 1/(2 sqrt N), the same at all
+//! come back, guarded by `known_amounts_are_recovered`; standard errors are those that repeated noise shows, guarded by
+//! `standard_errors_cover`. What the errors leave out: the noise of the walks (at most 1/(2 sqrt N), the same at all
 //! wavelengths). Our reading of how measured spectra become amounts.
 
 mod paths;

@@ -117,14 +117,14 @@ impl ReflectedPaths {
         let (mut sum, mut by) = (self.surface, [0.0; REGIONS]);
         for class in &self.classes {
             let (mut depth, mut spread) = (0.0, 1.0);
-            for r in 0..REGIONS {
-                depth += mu[r] * class.mean[r];
-                spread += 0.5 * mu[r] * mu[r] * class.variance[r];
+            for ((mu, mean), variance) in mu.iter().zip(&class.mean).zip(&class.variance) {
+                depth += mu * mean;
+                spread += 0.5 * mu * mu * variance;
             }
             let left = class.share * (-depth).exp();
             sum += left * spread;
-            for r in 0..REGIONS {
-                by[r] += left * (mu[r] * class.variance[r] - class.mean[r] * spread);
+            for (r, by) in by.iter_mut().enumerate() {
+                *by += left * (mu[r] * class.variance[r] - class.mean[r] * spread);
             }
         }
         (sum, by)

@@ -45,8 +45,8 @@ const MAX_POINTS: usize = 20_000;
 /// Wavelengths and classes of ways of the searches from the starts.
 const ROUGH_POINTS: usize = 32;
 const ROUGH_CLASSES: usize = 128;
-/// Step of the derivative by the peak, nm: half a row of the table, between whose rows the band is linear.
-const PEAK_STEP_NM: f64 = 0.5;
+/// Step of the derivative by the peak, nm.
+const PEAK_STEP_NM: f64 = 0.01;
 /// A full step that promises less than this share of the sum of squares ends at the minimum.
 const CONVERGED: f64 = 1e-5;
 
@@ -177,7 +177,7 @@ pub(crate) fn fit_with(
 /// The rows within the range.
 fn chosen(spectrum: &[(f64, f64)], data: &str, options: &Options) -> Result<Vec<(f64, f64)>> {
     let (low, high) = options.range_nm;
-    if !(low < high) {
+    if low.is_nan() || high.is_nan() || low >= high {
         return Err(Error::invalid("range", format!("{low} to {high} nm is no range")));
     }
     if !(100..=1_000_000).contains(&options.walks) {
@@ -317,8 +317,8 @@ fn rough(
     for factor in [0.4f64, 2.5] {
         for anthocyanin in [3.0, 25.0, 150.0] {
             let mut x = [anthocyanin, 535.0, 1.0, 1.0, (scattering_per_mm * factor).ln(), 1.0];
-            for i in 0..x.len() {
-                x[i] = x[i].clamp(bounds.0[i], bounds.1[i]);
+            for (i, x) in x.iter_mut().enumerate() {
+                *x = x.clamp(bounds.0[i], bounds.1[i]);
             }
             // The gain that fits best at these amounts.
             let (mut dot, mut square) = (0.0, 0.0);
@@ -500,6 +500,49 @@ mod tests {
         assert_eq!((held.value("gain"), held.parameters[GAIN].state), (Some(1.3), State::Fixed));
         assert!((held.parameters[SCATTERING].value - 45.0).abs() < 1e-9);
         assert!((held.parameters[0].value - 22.0).abs() < 0.6, "{held:?}");
+    }
+
+    #[test]
+    fn standard_errors_cover() {
+        // Thirty noisy copies of one modelled spectrum: each parameter's scatter is its standard error.
+        let options = Options {
+            walks: 4000,
+            fixed: vec![("scattering_per_mm".to_owned(), 45.0)],
+            ..Options::default()
+        };
+        let every_other: Vec<_> = synthetic(TRUTH, 0.0, 1).into_iter().step_by(2).collect();
+        let model = fitted(&every_other, &options).expect("a fit");
+        let (tissue, cells) = (description(), CellDescription::default());
+        let built = Tissue::new(&tissue, &cells, "tissue").expect("valid");
+        let clean: Vec<(f64, f64)> =
+            model.wavelengths_nm.iter().copied().zip(model.modelled.iter().copied()).collect();
+        let layers = Layers::new(&built, &clean).expect("known");
+        let range = (30.0 / 16.0, 30.0 * 16.0);
+        let make = |s| Ok(Box::new(Toy { scattering_per_mm: s }) as Box<dyn WhiteScatter>);
+        let go = |_, _| ControlFlow::Continue(());
+        let family =
+            PathFamily::new(range, make, options.setup, options.walks, options.seed, &go).expect("a toy");
+        let copies = 30;
+        let mut z2 = [0.0; 6];
+        for c in 0..copies {
+            let mut stream = Stream::new(9, 9, c);
+            let noisy: Vec<(f64, f64)> = clean
+                .iter()
+                .map(|p| (p.0, p.1 + 0.003 * ((0..12).map(|_| stream.next()).sum::<f64>() - 6.0)))
+                .collect();
+            let found = search(&noisy, &layers, &family, (range, 30.0), &options).expect("a fit");
+            assert!(found.converged && found.evaluations < 1000, "{found:?}");
+            for (i, z2) in z2.iter_mut().enumerate() {
+                if let Some(e) = found.parameters[i].standard_error {
+                    let z = (found.parameters[i].value - model.parameters[i].value) / e;
+                    *z2 += z * z / copies as f64;
+                }
+            }
+        }
+        for (i, z2) in z2.iter().enumerate().filter(|(i, _)| *i != SCATTERING) {
+            // Mean of z^2 over 30 copies: 1 within 3 standard deviations, and the correction for neighbours only widens.
+            assert!((0.2..1.8).contains(z2), "{}: {z2}", PARAMETERS[i]);
+        }
     }
 
     #[test]
