@@ -244,8 +244,7 @@ mod tests {
         let k = |peak: f64, l: f64| anthocyanin_moved_cm2_per_ug(peak, l).expect("known");
         for l in [380.0, 444.4, 535.0, 612.3, 2500.0] {
             assert!(
-                (k(ANTHOCYANIN_PEAK_NM, l) - Pigment::Anthocyanin.cm2_per_ug(l).expect("known")).abs()
-                    < 1e-4
+                (k(ANTHOCYANIN_PEAK_NM, l) - Pigment::Anthocyanin.cm2_per_ug(l).expect("known")).abs() < 1e-4
             );
         }
         for peak in [490.0, 515.0, 541.0, 580.0] {
