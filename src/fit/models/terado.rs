@@ -29,12 +29,12 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::term::{PowerCosine, coefficient, exponent, mirror};
+use super::term::{PowerCosine, coefficient, each_pair, exponent, mirror};
 use super::{Sum, transmission};
+use crate::Result;
 use crate::fit::model::{Geometry, Kind, Model, Parameter, Prepared};
 use crate::gonio::cell_factors::Factors;
 use crate::gonio::cell_family::CellFamily;
-use crate::{Error, Result};
 
 /// kd_E, ks_E, n_E, kd_S, ks_S, n_S.
 const OWN: usize = 6;
@@ -79,23 +79,6 @@ impl Terado {
     }
 }
 
-/// Calls `on` with every pair of a geometry that lies on the side of `sign`.
-fn pairs_on(geometries: &[Geometry], sign: f64, mut on: impl FnMut(usize, DVec3, DVec3, f64)) -> Result<()> {
-    for (k, geometry) in geometries.iter().enumerate() {
-        for &(wi, wo, weight) in &geometry.pairs {
-            let is_unit = |w: DVec3| (w.length_squared() - 1.0).abs() < 1e-6;
-            if !(is_unit(wi) && is_unit(wo) && weight.is_finite()) {
-                let what = format!("{wi:?} to {wo:?}, weight {weight}: needs unit vectors and a number");
-                return Err(Error::invalid(format!("geometry {k}"), what));
-            }
-            if wi.z * sign > 1e-9 && wo.z * sign > 1e-9 {
-                on(k, wi, wo, weight);
-            }
-        }
-    }
-    Ok(())
-}
-
 impl Model for Terado {
     fn name(&self) -> &str {
         "terado"
@@ -107,7 +90,11 @@ impl Model for Terado {
 
     fn prepare(&self, geometries: &[Geometry]) -> Result<Box<dyn Prepared>> {
         let mut pairs: Vec<Vec<(DVec3, DVec3, f64)>> = vec![Vec::new(); geometries.len()];
-        pairs_on(geometries, 1.0, |k, wi, wo, weight| pairs[k].push((wi, wo, weight)))?;
+        each_pair(geometries, |k, wi, wo, weight| {
+            if wi.z > 0.0 && wo.z > 0.0 {
+                pairs[k].push((wi, wo, weight));
+            }
+        })?;
         let readings = pairs
             .iter()
             .map(|pairs| Reading {
@@ -187,7 +174,11 @@ impl Model for Abaxial {
 
     fn prepare(&self, geometries: &[Geometry]) -> Result<Box<dyn Prepared>> {
         let mut shares = vec![0.0; geometries.len()];
-        pairs_on(geometries, -1.0, |k, _, _, weight| shares[k] += weight * FRAC_1_PI)?;
+        each_pair(geometries, |k, wi, wo, weight| {
+            if wi.z < 0.0 && wo.z < 0.0 {
+                shares[k] += weight * FRAC_1_PI;
+            }
+        })?;
         Ok(Box::new(Shares(shares)))
     }
 }

@@ -57,22 +57,15 @@ impl<T: Term> Model for Closed<T> {
 
     fn prepare(&self, geometries: &[Geometry]) -> Result<Box<dyn Prepared>> {
         let mut pairs = Vec::new();
-        for (k, geometry) in geometries.iter().enumerate() {
-            for &(wi, wo, weight) in &geometry.pairs {
-                let is_unit = |w: DVec3| (w.length_squared() - 1.0).abs() < 1e-6;
-                if !(is_unit(wi) && is_unit(wo) && weight.is_finite()) {
-                    let what = format!("{wi:?} to {wo:?}, weight {weight}: needs unit vectors and a number");
-                    return Err(Error::invalid(format!("geometry {k}"), what));
-                }
-                if wi.z.abs() < IN_SURFACE || wo.z.abs() < IN_SURFACE || (wi.z * wo.z > 0.0) != T::REFLECTS {
-                    continue;
-                }
-                let above = |w: DVec3| if T::REFLECTS { w.with_z(w.z.abs()) } else { w };
-                if let Some(pair) = T::pair(above(wi), above(wo)) {
-                    pairs.push((k, weight, pair));
-                }
+        each_pair(geometries, |k, wi, wo, weight| {
+            if (wi.z * wo.z > 0.0) != T::REFLECTS {
+                return;
             }
-        }
+            let above = |w: DVec3| if T::REFLECTS { w.with_z(w.z.abs()) } else { w };
+            if let Some(pair) = T::pair(above(wi), above(wo)) {
+                pairs.push((k, weight, pair));
+            }
+        })?;
         Ok(Box::new(At::<T> { parameters: self.parameters.len(), pairs }))
     }
 }
@@ -104,6 +97,24 @@ impl<T: Term> Prepared for At<T> {
             }
         }
     }
+}
+
+/// Calls `on` with the number of the geometry, the directions and the weight of every pair that is not in the surface;
+/// an error where a direction is none.
+pub(super) fn each_pair(geometries: &[Geometry], mut on: impl FnMut(usize, DVec3, DVec3, f64)) -> Result<()> {
+    for (k, geometry) in geometries.iter().enumerate() {
+        for &(wi, wo, weight) in &geometry.pairs {
+            let is_unit = |w: DVec3| (w.length_squared() - 1.0).abs() < 1e-6;
+            if !(is_unit(wi) && is_unit(wo) && weight.is_finite()) {
+                let what = format!("{wi:?} to {wo:?}, weight {weight}: needs unit vectors and a number");
+                return Err(Error::invalid(format!("geometry {k}"), what));
+            }
+            if wi.z.abs() >= IN_SURFACE && wo.z.abs() >= IN_SURFACE {
+                on(k, wi, wo, weight);
+            }
+        }
+    }
+    Ok(())
 }
 
 /// The direction of a mirror's light.
