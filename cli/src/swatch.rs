@@ -63,7 +63,6 @@ pub(crate) fn run(args: &Args, global: Global) -> Result<Outcome> {
         // Wide bins for smooth lobes.
         scan: PlaneScan { step_deg: 5.0, half_width_deg: 15.0 },
         spin: true,
-        ..Goniophotometer::default()
     };
     gonio(Side::Adaxial).validate().map_err(|e| report::at_flag("--rays", e))?;
     let names: Vec<String> = if args.petals.is_empty() {

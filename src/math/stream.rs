@@ -22,6 +22,7 @@ impl Stream {
 
     /// Uniform in [0, 1), 53 bits.
     #[inline]
+    #[expect(clippy::should_implement_trait, reason = "a stream has no end, so it is no iterator")]
     pub fn next(&mut self) -> f64 {
         self.state = self.state.wrapping_add(0x9e37_79b9_7f4a_7c15);
         (mix(self.state) >> 11) as f64 * (1.0 / 9_007_199_254_740_992.0)

@@ -34,6 +34,7 @@ use crate::{Error, Result};
 
 /// What shades a petal.
 #[derive(Clone, Debug)]
+#[expect(clippy::large_enum_variant, reason = "a scene has one, behind an Arc")]
 pub enum Petal {
     /// The thesis' coefficients on points of the cells.
     Cells(CellPetal),

@@ -148,7 +148,7 @@ fn memory_is_bounded() {
     let bytes = TabulatedBsdf::new(&optics, none()).expect("valid").bytes();
     assert!(bytes < 8 << 20, "{bytes}");
     optics.interior = AngularTable::zeros(AngleGrid { thetas: 36, phis: 18 }, classes);
-    let e = TabulatedBsdf::new(&optics, none()).err().expect("too large").to_string();
+    let e = TabulatedBsdf::new(&optics, none()).expect_err("too large").to_string();
     assert!(e.starts_with("optics: its tables would take"), "{e}");
 }
 
@@ -158,7 +158,7 @@ fn nonsense_is_named() {
     let fails = |change: &dyn Fn(&mut PetalOptics), start: &str| {
         let mut optics = sheet(4, 3);
         change(&mut optics);
-        let e = TabulatedBsdf::new(&optics, none()).err().expect(start).to_string();
+        let e = TabulatedBsdf::new(&optics, none()).expect_err(start).to_string();
         assert!(e.starts_with(start), "{e}");
     };
     fails(&|o| o.surface.values[5] = f32::NAN, "optics: surface");

@@ -179,9 +179,9 @@ fn only_rise(gap: &impl Fn(f64) -> (f64, f64, f64), mut low: f64, mut high: f64)
 /// The first root from below of a gap whose second derivative is at most `bound`.
 fn first_rise(gap: &impl Fn(f64) -> (f64, f64, f64), bound: f64, low: f64, high: f64) -> Option<f64> {
     let mut t = low;
-    for step in 0..1000 {
+    for _ in 0..1000 {
         let (g, slope, _) = gap(t);
-        if g >= -1e-11 && (step > 0 || slope >= 0.0) && slope >= 0.0 {
+        if g >= -1e-11 && slope >= 0.0 {
             return Some(t);
         }
         let g = g.min(0.0);

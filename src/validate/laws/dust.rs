@@ -65,8 +65,9 @@ fn floor(petal: &Sample, lamp_deg: f64, effort: Effort) -> Result<Floor> {
         (contrast2.max(0.0).sqrt(), rings.map(|r| r / n))
     };
     let parts: Vec<_> = (0..PARTS).into_par_iter().map(part).collect();
-    let of = |f: &dyn Fn(&(f64, [f64; RINGS])) -> f64| mean(&parts.iter().map(f).collect::<Vec<_>>());
-    Ok(Floor { contrast: of(&|p| p.0), rings: std::array::from_fn(|r| of(&|p| p.1[r])) })
+    let contrasts: Vec<f64> = parts.iter().map(|p| p.0).collect();
+    let ring = |r: usize| mean(&parts.iter().map(|p| p.1[r]).collect::<Vec<f64>>());
+    Ok(Floor { contrast: mean(&contrasts), rings: std::array::from_fn(ring) })
 }
 
 /// Heights of the domes, in pitches.
