@@ -13,6 +13,7 @@ use rosarium::spectrum::table;
 const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data/fred_flowers_reflectance.csv");
 
 #[test]
+#[expect(clippy::print_stderr, reason = "what was measured, or why nothing was")]
 fn measured_flowers_are_met() {
     let Ok(text) = std::fs::read_to_string(FILE) else {
         eprintln!("not run: {FILE} is not there");

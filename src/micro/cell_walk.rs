@@ -5,11 +5,7 @@
 //! striated). Inside, it crosses cells along straight
 //! lines, meeting inner walls (vacuole | wall | vacuole) at the sides of the columns and the floor below; light that leaves
 //! a dome may meet the next one. In a turbid slab it goes an exponentially distributed way of mean 1 / mu_s and turns by
-//! an angle of Henyey and Greenstein's distribution:
-//!
-//! ```text
-//! p(cos) = (1 - g^2) / (2 (1 + g^2 - 2 g cos)^(3/2))
-//! ```
+//! an angle of Henyey and Greenstein's distribution ([`super::henyey_greenstein`]).
 //!
 //! No light is absorbed on the way (see [`super::white`]): each walk has weight one and remembers its way through each
 //! region. `CellWalk::absorbing` follows light that may be absorbed instead, for comparison.
@@ -23,12 +19,12 @@
 //! (`flat_cells_are_a_plate`). Source of the method: Wang, Jacques, Zheng 1995, "MCML", Computer Methods and Programs in
 //! Biomedicine 47:131, for slabs; cells instead of slabs are our reading of the thesis' cross-section.
 
-use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use glam::DVec3;
 
 use super::height_field::{Bound, CellHit, Within};
+use super::henyey_greenstein::turn;
 use super::tissue::{Epidermis, REGIONS, Slab, Tissue};
 use super::white::{End, Exit, WhiteScatter};
 use super::{rough_wall, wall::Wall};
@@ -332,7 +328,7 @@ impl CellWalk {
             }
             photon.p += DVec3::new(photon.d.x, photon.d.y, -dz) * way;
             if free < to_side {
-                photon.d = henyey_greenstein(photon.d, slab.anisotropy, stream);
+                photon.d = turn(photon.d, slab.anisotropy, stream);
                 continue;
             }
             let down = dz < 0.0;
@@ -490,25 +486,10 @@ fn in_frame(layer: Layer, v: DVec3) -> DVec3 {
     if layer == Layer::Abaxial { turned_over(v) } else { v }
 }
 
-/// A direction after one turn.
-fn henyey_greenstein(d: DVec3, g: f64, stream: &mut Stream) -> DVec3 {
-    let u = stream.next();
-    let cos = if g.abs() < 1e-3 {
-        // To first order in g, where the inverse loses its digits.
-        2.0 * u - 1.0 + 6.0 * g * u * (1.0 - u)
-    } else {
-        let s = (1.0 - g * g) / (1.0 - g + 2.0 * g * u);
-        (1.0 + g * g - s * s) / (2.0 * g)
-    };
-    let cos = cos.clamp(-1.0, 1.0);
-    let sin = (1.0 - cos * cos).sqrt();
-    let (s, c) = (TAU * stream.next()).sin_cos();
-    let (a, b) = d.any_orthonormal_pair();
-    (a * (sin * c) + b * (sin * s) + d * cos).normalize()
-}
-
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::TAU;
+
     use super::*;
     use crate::math::stats::Welford;
     use crate::micro::{CellDescription, TissueDescription};

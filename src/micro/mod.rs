@@ -34,6 +34,7 @@ pub mod tissue;
 pub mod wall;
 pub mod rough_wall;
 pub mod white;
+mod henyey_greenstein;
 pub mod cell_walk;
 
 pub use cell_walk::CellWalk;

@@ -170,7 +170,7 @@ fn nonsense_is_named() {
         o.paths_um = vec![[0.0; REGIONS]; MAX_CLASSES + 1];
         o.spreads_um = o.paths_um.clone();
     };
-    fails(&many, "optics: interior: 129 classes; at most 128");
+    fails(&many, "optics: interior: classes: 129 is not within 1 to 128");
     let e = TabulatedBsdf::new(&sheet(4, 3), std::array::from_fn(|_| (-0.1).into())).err();
     let e = e.expect("negative").to_string();
     assert!(e.starts_with("absorption: "), "{e}");
