@@ -22,7 +22,11 @@ fn measured_flowers_are_met() {
     let flowers = table::parse(&text, FILE).expect("a table");
     let pink = petal::preset("pink").expect("a preset");
     let pink = load::<PetalDescription>(pink, "pink", &[]).expect("a petal").description;
-    let tissue = pink.tissue.expect("it has layers");
+    let mut tissue = pink.tissue.expect("it has layers");
+    // The flavonol of these flowers is not known.
+    for epidermis in [&mut tissue.adaxial, &mut tissue.abaxial].into_iter().flatten() {
+        epidermis.pigments.flavonol_mol_per_l = 0.0;
+    }
     let options = Options { walks: 2000, ..Options::default() };
     // R. pendulina misses the 0.03 that the others meet: docs/fit.md says how.
     for (column, bound) in [
