@@ -28,7 +28,7 @@ fn law_3_velvet() {
 
 #[test]
 fn law_4_black_rose() {
-    check(laws::black::measure, 40_000, &[laws::black::UPRIGHT]);
+    check(laws::black::measure, 100_000, &[laws::black::UPRIGHT]);
 }
 
 #[test]
