@@ -32,7 +32,7 @@ pub(crate) struct Args {
     /// Column of the table. Needed where it has several.
     #[arg(long, value_name = "COLUMN")]
     spectrum: Option<String>,
-    /// Petal whose layers explain the spectrum: a preset or a petal file with a [tissue].
+    /// Petal whose layers explain the spectrum: a preset or a petal file with a `[tissue]`.
     #[arg(long, value_name = "NAME|FILE")]
     petal: String,
     /// Wavelengths that are fitted, nm.

@@ -109,7 +109,7 @@ pub fn write(petal: &PetalOptics) -> Result<Vec<u8>> {
     Ok(out)
 }
 
-/// Reads what [`write`] wrote.
+/// Reads what [`write()`] wrote.
 pub fn read(bytes: &[u8]) -> Result<PetalOptics> {
     let wrong = |what: String| -> Error { invalid(FORMAT, what) };
     let early = || wrong("the file ends too early".into());

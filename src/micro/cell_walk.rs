@@ -1,11 +1,11 @@
 //! The walk of light through a petal's tissue.
 //!
-//! Model: geometrical optics, one photon at a time. Light meets the exact domes of an epidermis ([`CellField`]); at every
+//! Model: geometrical optics, one photon at a time. Light meets the exact domes of an epidermis ([`super::CellField`]); at every
 //! wall it is reflected with the probability R of [`Wall`] and refracted with 1 - R ([`rough_wall`] where the outer wall is
 //! striated). Inside, it crosses cells along straight
 //! lines, meeting inner walls (vacuole | wall | vacuole) at the sides of the columns and the floor below; light that leaves
 //! a dome may meet the next one. In a turbid slab it goes an exponentially distributed way of mean 1 / mu_s and turns by
-//! an angle of Henyey and Greenstein's distribution ([`super::henyey_greenstein`]).
+//! an angle of Henyey and Greenstein's distribution (`micro::henyey_greenstein`).
 //!
 //! No light is absorbed on the way (see [`super::white`]): each walk has weight one and remembers its way through each
 //! region. `CellWalk::absorbing` follows light that may be absorbed instead, for comparison.
