@@ -373,20 +373,17 @@ impl CellWalk {
                 return Next::CutOff;
             }
             if let Some(hit) = outside {
-                // In the air, at a wall.
+                // At an outer wall, from either side of it.
                 photon.d = meet_outer(&outer_wall, epidermis.roughness, hit.normal, photon.d, stream);
                 photon.p = hit.p;
                 if photon.d.dot(hit.normal) > 0.0 {
                     outside = cells.first_hit_from(&hit, photon.d);
-                    if outside.is_none() {
-                        // Light that stays among the domes for ever is as good as parallel to them.
-                        return if photon.d.z > 0.0 {
-                            Next::Out(in_frame(layer, photon.d))
-                        } else {
-                            Next::CutOff
-                        };
+                    if outside.is_some() {
+                        continue;
                     }
-                    continue;
+                    // Light that stays among the domes for ever is as good as parallel to them.
+                    let leaves = photon.d.z > 0.0;
+                    return if leaves { Next::Out(in_frame(layer, photon.d)) } else { Next::CutOff };
                 }
                 within = Some(cells.behind(&hit));
                 outside = None;
@@ -398,19 +395,7 @@ impl CellWalk {
             }
             photon.p = chord.p;
             match chord.bound {
-                Bound::Outer(hit) => {
-                    photon.d = meet_outer(&outer_wall, epidermis.roughness, hit.normal, photon.d, stream);
-                    if photon.d.dot(hit.normal) > 0.0 {
-                        outside = cells.first_hit_from(&hit, photon.d);
-                        if outside.is_none() {
-                            return if photon.d.z > 0.0 {
-                                Next::Out(in_frame(layer, photon.d))
-                            } else {
-                                Next::CutOff
-                            };
-                        }
-                    }
-                }
+                Bound::Outer(hit) => outside = Some(hit),
                 Bound::Inner { normal, neighbor } => {
                     let cos = photon.d.dot(normal).abs();
                     if stream.next() < inner_wall.meet(cos, true).reflectance {

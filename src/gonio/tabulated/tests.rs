@@ -1,6 +1,6 @@
 use super::*;
-use crate::gonio::Directional;
 use crate::gonio::petal_optics::{AngleGrid, AngularTable};
+use crate::gonio::{Directional, WhiteMonteCarlo};
 use crate::math::Sampler;
 use crate::math::quadrature::sphere_rule;
 use crate::math::warp::square_to_sphere;
@@ -140,13 +140,13 @@ fn bands_agree_with_the_bsdf() {
 #[test]
 fn memory_is_bounded() {
     let mut optics = sheet(18, 9);
-    let classes = 64;
+    let classes = WhiteMonteCarlo::default().classes;
     optics.interior = AngularTable::zeros(AngleGrid { thetas: 18, phis: 9 }, classes);
     optics.paths_um = vec![[0.0; REGIONS]; classes];
     optics.spreads_um = optics.paths_um.clone();
     let none = || std::array::from_fn(|_| Spectrum::from(0.0));
     let bytes = TabulatedBsdf::new(&optics, none()).expect("valid").bytes();
-    assert!(bytes < 8 << 20, "{bytes}");
+    assert!(bytes < 9 << 20, "{bytes}");
     optics.interior = AngularTable::zeros(AngleGrid { thetas: 36, phis: 18 }, classes);
     let e = TabulatedBsdf::new(&optics, none()).expect_err("too large").to_string();
     assert!(e.starts_with("optics: its tables would take"), "{e}");
