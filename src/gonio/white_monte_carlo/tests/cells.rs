@@ -153,3 +153,40 @@ fn cells_recoloured_as_absorbed_on_the_way() {
         }
     }
 }
+
+#[test]
+#[ignore = "slow tier: scripts/test runs it"]
+fn default_measurement_recolours_within_a_hundredth() {
+    // Independent walks, weighted one by one, at every lamp of both sides.
+    let walk = rose();
+    let settings = WhiteMonteCarlo::default();
+    let o = settings.measure(&walk, walk.tissue().depth_um, &go).unwrap();
+    assert!(o.class_error < 0.01, "{}", o.class_error);
+    let amounts = [(30.0, 0.0), (120.0, 0.0), (0.0, 60.0), (0.0, 120.0), (45.0, 20.0), (60.0, 60.0)];
+    let mu = amounts.map(|(upper, lower)| pigment(&walk, upper, lower, 0.0));
+    let n = 40_000;
+    for family in 0..2 * settings.thetas {
+        let side = if family < settings.thetas { Side::Adaxial } else { Side::Abaxial };
+        let incident_deg = settings.surface().theta_deg(family % settings.thetas);
+        let mut direct = [[crate::math::stats::Welford::default(); 2]; 6];
+        for i in 0..n {
+            let mut stream = Stream::new(77, family as u64, i);
+            let wi = settings.lamp(family, &mut stream);
+            let End::Left(exit) = walk.walk(wi, &mut stream) else { continue };
+            let way = usize::from((exit.direction.z > 0.0) != (wi.z > 0.0));
+            for (direct, mu) in direct.iter_mut().zip(&mu) {
+                direct[way].push(exit.remaining(mu));
+                direct[1 - way].push(0.0);
+            }
+        }
+        for (direct, mu) in direct.iter().zip(&mu) {
+            let (r, t) = o.reflectance(side, incident_deg, mu);
+            for (got, direct) in [r, t].into_iter().zip(direct) {
+                // 0.01 of the light; beyond it only the noise of the direct walks.
+                let error = (got - direct.mean()).abs();
+                let limit = 0.01 + 3.0 * direct.standard_error();
+                assert!(error < limit, "{side:?} {incident_deg} {mu:?}: {got} {}", direct.mean());
+            }
+        }
+    }
+}
