@@ -26,6 +26,7 @@ mod scatter;
 mod sheet;
 mod shipped;
 pub mod compare;
+pub mod flip;
 pub mod laws;
 #[doc(hidden)]
 pub mod wrong;
