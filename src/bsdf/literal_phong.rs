@@ -45,6 +45,16 @@ impl LiteralPhong {
     pub fn diffuse(&self) -> &Spectrum {
         &self.diffuse
     }
+
+    /// ks.
+    pub fn specular(&self) -> &Spectrum {
+        &self.specular
+    }
+
+    /// n.
+    pub fn exponent(&self) -> f32 {
+        self.sampling.exponent
+    }
 }
 
 impl Bsdf for LiteralPhong {

@@ -6,6 +6,7 @@
 //! flags. See `docs/conventions.md`.
 
 mod albedo;
+pub mod lobe_albedo;
 pub mod lambert;
 pub mod phong;
 pub mod literal_phong;

@@ -66,6 +66,15 @@ impl Phong {
     pub fn exponent(&self) -> f32 {
         self.sampling.exponent
     }
+
+    /// The lobe alone, 1/sr.
+    pub fn eval_lobe(&self, wo: Vec3, wi: Vec3, lambda: &SampledWavelengths) -> SampledSpectrum {
+        if !same_side(wo, wi) {
+            return SampledSpectrum::ZERO;
+        }
+        let n = self.sampling.exponent;
+        self.specular.sample(lambda) * ((n + 2.0) / TAU * cos_alpha_power(wo, wi, n))
+    }
 }
 
 impl Bsdf for Phong {
@@ -73,9 +82,7 @@ impl Bsdf for Phong {
         if !same_side(wo, wi) {
             return SampledSpectrum::ZERO;
         }
-        let n = self.sampling.exponent;
-        let lobe = (n + 2.0) / TAU * cos_alpha_power(wo, wi, n);
-        self.diffuse.sample(lambda) * FRAC_1_PI + self.specular.sample(lambda) * lobe
+        self.diffuse.sample(lambda) * FRAC_1_PI + self.eval_lobe(wo, wi, lambda)
     }
 
     fn sample(&self, wo: Vec3, lambda: &SampledWavelengths, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {

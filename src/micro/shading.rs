@@ -39,6 +39,8 @@
 //! product of the layers' transmittances crosses the sheet and leaves it diffusely; the domes neither shadow nor bend
 //! what crosses it. Source: [Terado1999](https://hdl.handle.net/10119/1220), abstract.
 
+mod split;
+
 use std::f32::consts::FRAC_1_PI;
 use std::sync::Arc;
 
@@ -220,18 +222,32 @@ impl CellPetal {
         match (wo.z > 0.0, wi.z > 0.0) {
             (false, false) => self.abaxial.sample(lambda) * FRAC_1_PI,
             (true, true) => {
-                let mut sum = SampledSpectrum::ZERO;
-                for i in 0..points {
-                    sum += self.estimate_domes(wo, wi, lambda, footprint, &mut sampler.fork(i, points));
-                }
-                sampler.end_fork();
-                sum * (1.0 / points.max(1) as f32) + self.spongy.eval(wo, wi, lambda)
+                self.estimate_all_domes(wo, wi, lambda, footprint, points, sampler)
+                    + self.spongy.eval(wo, wi, lambda)
             }
             _ => self
                 .lobes
                 .iter()
                 .fold(self.transmittance.sample(lambda) * FRAC_1_PI, |f, lobe| f + lobe.eval(wo, wi, lambda)),
         }
+    }
+
+    /// f_E from all points.
+    fn estimate_all_domes(
+        &self,
+        wo: Vec3,
+        wi: Vec3,
+        lambda: &SampledWavelengths,
+        footprint: Footprint,
+        points: u32,
+        sampler: &mut Sampler,
+    ) -> SampledSpectrum {
+        let mut sum = SampledSpectrum::ZERO;
+        for i in 0..points {
+            sum += self.estimate_domes(wo, wi, lambda, footprint, &mut sampler.fork(i, points));
+        }
+        sampler.end_fork();
+        sum * (1.0 / points.max(1) as f32)
     }
 
     /// f_E from one point.

@@ -77,6 +77,11 @@ impl TransmissionLobe {
         &self.share
     }
 
+    /// m.
+    pub fn exponent(&self) -> f32 {
+        self.exponent
+    }
+
     /// The middle of the lobe.
     fn axis(&self, wi: Vec3) -> Vec3 {
         match self.way {

@@ -37,6 +37,8 @@ pub struct Scene {
     pub shapes: Vec<Shape>,
     /// Every material; a shape's `material` is an index into it.
     pub materials: Vec<Material>,
+    /// Key of every material (`materials.NAME`; the light's for the body of an area light).
+    pub material_keys: Vec<String>,
     /// Every light; a shape's `emitter` is an index into them.
     pub lights: Lights,
     /// Acceleration structure over all shapes, in their order.
@@ -56,10 +58,17 @@ pub fn compile(description: &SceneDescription, assets: &dyn Assets) -> Result<Sc
     let petal = Arc::new(description.petal.build("petal", &assets)?);
     let camera = camera(&description.camera, [description.film.width, description.film.height])?;
 
-    let mut compiler =
-        Compiler { materials: Vec::new(), ids: BTreeMap::new(), shapes: Vec::new(), emitters: Vec::new() };
+    let mut compiler = Compiler {
+        materials: Vec::new(),
+        material_keys: Vec::new(),
+        ids: BTreeMap::new(),
+        shapes: Vec::new(),
+        emitters: Vec::new(),
+    };
     for (name, d) in &description.materials {
-        let material = Material::compile(d, &petal, &Key::new("materials").at(name), &assets)?;
+        let key = Key::new("materials").at(name);
+        let material = Material::compile(d, &petal, &key, &assets)?;
+        compiler.material_keys.push(key.to_string());
         compiler.ids.insert(name.clone(), compiler.materials.len() as u32);
         compiler.materials.push(material);
     }
@@ -90,6 +99,7 @@ pub fn compile(description: &SceneDescription, assets: &dyn Assets) -> Result<Sc
         camera,
         shapes: compiler.shapes,
         materials: compiler.materials,
+        material_keys: compiler.material_keys,
         lights,
         bvh,
         bounds,
@@ -99,6 +109,7 @@ pub fn compile(description: &SceneDescription, assets: &dyn Assets) -> Result<Sc
 
 struct Compiler {
     materials: Vec<Material>,
+    material_keys: Vec<String>,
     ids: BTreeMap<String, u32>,
     shapes: Vec<Shape>,
     emitters: Vec<Emitter>,
@@ -143,6 +154,7 @@ impl Compiler {
         let compiled = light::compile(d, key, assets)?;
         if let Some(mesh) = compiled.mesh {
             self.materials.push(Material::black()?);
+            self.material_keys.push(key.to_string());
             self.shapes.push(Shape {
                 key: key.to_string(),
                 mesh,

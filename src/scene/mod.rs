@@ -23,6 +23,7 @@ pub mod fitted_spectrum;
 pub mod shape;
 pub mod compile;
 pub mod trace;
+pub mod totals;
 
 mod color;
 mod hash;
@@ -42,6 +43,7 @@ pub use locate::Source;
 pub use material::{Material, Scattering};
 pub use shape::Shape;
 pub use tabulated::{Petal, TabulatedPetal};
+pub use totals::MaterialTotals;
 
 /// The built-in default scene: `scenes/rose.toml`.
 pub const DEFAULT_SCENE: &str = include_str!("../../scenes/rose.toml");

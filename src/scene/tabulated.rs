@@ -74,14 +74,34 @@ pub struct TabulatedPetal {
 impl TabulatedPetal {
     /// The BSDF at a point of the petal, for the wavelengths of a path.
     pub fn at(&self, uv: Vec2, lambda: &SampledWavelengths) -> AtPigment<'_> {
-        let v = uv.y.clamp(0.0, 1.0);
-        let GradientDescription { claw, rim } = self.gradient;
-        let gradient = claw as f32 + (rim - claw) as f32 * v * v * (3.0 - 2.0 * v);
-        let epidermes = gradient * self.texture.as_ref().map_or(1.0, |t| t.at(uv));
+        self.at_factor(self.pigment_factor(uv), lambda)
+    }
+
+    /// The BSDF where the pigments of both epidermes are `epidermes` times those of the tissue.
+    pub fn at_factor(&self, epidermes: f32, lambda: &SampledWavelengths) -> AtPigment<'_> {
         let mut scale = [1.0; REGIONS];
         scale[0] = epidermes;
         scale[REGIONS - 1] = epidermes;
         self.bsdf.at(scale, lambda)
+    }
+
+    /// c: factor on the pigments of both epidermes at a point of the petal.
+    pub fn pigment_factor(&self, uv: Vec2) -> f32 {
+        let v = uv.y.clamp(0.0, 1.0);
+        let GradientDescription { claw, rim } = self.gradient;
+        let gradient = claw as f32 + (rim - claw) as f32 * v * v * (3.0 - 2.0 * v);
+        gradient * self.texture.as_ref().map_or(1.0, |t| t.at(uv))
+    }
+
+    /// Smallest and largest factor anywhere.
+    pub fn pigment_range(&self) -> (f32, f32) {
+        let GradientDescription { claw, rim } = self.gradient;
+        let (low, high) = (claw.min(rim) as f32, claw.max(rim) as f32);
+        let texture = |pick: fn(f32, f32) -> f32| match &self.texture {
+            Some(t) => t.values.iter().copied().reduce(pick).unwrap_or(1.0),
+            None => 1.0,
+        };
+        (low * texture(f32::min), high * texture(f32::max))
     }
 
     /// The BSDF where the pigment's factor is one.

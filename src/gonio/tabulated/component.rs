@@ -101,6 +101,20 @@ impl Component {
         &self.albedo[first..first + self.table.classes]
     }
 
+    /// Mean over the hemisphere, weighted by the cosine, of the albedo of each class.
+    pub(super) fn hemispherical(&self, side: Side, way: Way) -> Vec<f32> {
+        // The hats' projected solid angles are the weights of the nodes; all azimuths together are 2 pi.
+        let measures = self.table.grid.theta_measures();
+        let total: f64 = measures.iter().sum();
+        let mut sums = vec![0.0f64; self.classes()];
+        for (node, measure) in measures.iter().enumerate() {
+            for (sum, a) in sums.iter_mut().zip(self.albedo_at(side, way, node)) {
+                *sum += measure / total * f64::from(*a);
+            }
+        }
+        sums.into_iter().map(|s| s as f32).collect()
+    }
+
     /// Exitant polar angle and turn of the azimuth (radians, with sign) for light at a node.
     pub(super) fn draw(
         &self,

@@ -79,6 +79,8 @@ pub struct TabulatedBsdf {
     absorption_per_um: [Spectrum; REGIONS],
     /// e_k at every nm of the visible range.
     remaining: Vec<f32>,
+    /// Mean albedo of the interior's classes in light from everywhere: `[side][way][class]`.
+    hemispherical: [[Vec<f32>; 2]; 2],
 }
 
 impl TabulatedBsdf {
@@ -100,12 +102,15 @@ impl TabulatedBsdf {
             let ratio = |l: f32, s: f32| if s > 1e-4 * l { s * s / l } else { 0.0 };
             std::array::from_fn(|r| (path[r], ratio(path[r], spread[r])))
         };
+        let interior = Component::new(&optics.interior);
         let mut bsdf = Self {
             surface: Component::new(&optics.surface),
-            interior: Component::new(&optics.interior),
             ways_um: optics.paths_um.iter().zip(&optics.spreads_um).map(ways).collect(),
             absorption_per_um,
             remaining: Vec::new(),
+            hemispherical: [Side::Adaxial, Side::Abaxial]
+                .map(|side| Way::BOTH.map(|way| interior.hemispherical(side, way))),
+            interior,
         };
         bsdf.remaining = bsdf.remaining_at_every_nm();
         if bsdf.bytes() > MAX_BYTES {
@@ -286,6 +291,21 @@ impl AtPigment<'_> {
             }
         }
         SampledSpectrum(f)
+    }
+
+    /// The light that has been inside the petal, as if it were Lambertian: the shares of light from everywhere on a side
+    /// that leave on that side and on the other, per wavelength.
+    pub fn interior_diffuse(&self, side: Side) -> [SampledSpectrum; 2] {
+        Way::BOTH.map(|way| {
+            let mut sum = [0.0; LANES];
+            let classes = &self.table.hemispherical[side as usize][way as usize];
+            for (a, remaining) in classes.iter().zip(&self.remaining) {
+                for (sum, r) in sum.iter_mut().zip(remaining) {
+                    *sum += a * r;
+                }
+            }
+            SampledSpectrum(sum)
+        })
     }
 
     /// Share of the light from `wo` that leaves on its side and on the other, per wavelength.
