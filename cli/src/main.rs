@@ -5,6 +5,7 @@ mod cell_model;
 mod cells;
 mod check;
 mod colour;
+mod compare;
 mod convert;
 mod data;
 mod fit;
@@ -42,6 +43,7 @@ Examples:
   rosarium cells thesis -o cells.ply --plot cells.png
   rosarium swatch -o swatch.png
   rosarium grow -o rose.glb --seed 7
+  rosarium compare a.exr b.exr -o difference.png
   rosarium check")]
 struct Cli {
     #[command(flatten)]
@@ -76,6 +78,7 @@ enum Command {
     Cells(cells::Args),
     Swatch(swatch::Args),
     Grow(grow::Args),
+    Compare(compare::Args),
     Check(check::Args),
     Reproduce(reproduce::Args),
     /// Write the JSON schema of scene files to standard output.
@@ -138,6 +141,7 @@ fn run(cli: &Cli) -> Result<Outcome> {
         Command::Cells(args) => cells::run(args, global),
         Command::Swatch(args) => swatch::run(args, global),
         Command::Grow(args) => grow::run(args, global),
+        Command::Compare(args) => compare::run(args, global),
         Command::Check(args) => check::run(args, global),
         Command::Reproduce(args) => reproduce::run(args, global),
         Command::Schema => {

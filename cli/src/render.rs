@@ -69,12 +69,12 @@ pub(crate) struct Args {
 
 /// Fractions of the width and of the height.
 #[derive(Clone, Copy, Debug)]
-struct Crop {
-    x: (f64, f64),
-    y: (f64, f64),
+pub(crate) struct Crop {
+    pub(crate) x: (f64, f64),
+    pub(crate) y: (f64, f64),
 }
 
-fn parse_crop(argument: &str) -> Result<Crop, String> {
+pub(crate) fn parse_crop(argument: &str) -> Result<Crop, String> {
     let numbers: Vec<f64> = argument
         .split(',')
         .map(|n| n.trim().parse().map_err(|_| format!("`{n}` is not a number")))

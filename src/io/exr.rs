@@ -89,6 +89,24 @@ impl Channels {
             None => Err(invalid(FORMAT, format_args!("there is no channel `{name}`"))),
         }
     }
+
+    /// Colours of the channels `LAYER.R`, `.G` and `.B`; of the empty layer `R G B`, or grey in `Y`.
+    pub fn rgb(&self, layer: &str) -> Result<Vec<[f32; 3]>> {
+        let full =
+            |channel: &str| if layer.is_empty() { channel.to_owned() } else { format!("{layer}.{channel}") };
+        if !layer.is_empty() && !self.planes.contains_key(&full("R")) {
+            let layers: Vec<&str> = self.planes.keys().filter_map(|name| name.strip_suffix(".R")).collect();
+            let known = if layers.is_empty() { "no layers".to_owned() } else { layers.join(", ") };
+            return Err(invalid(
+                FORMAT,
+                format_args!("there is no layer `{layer}` of colours; the file has {known}"),
+            ));
+        }
+        let grey = layer.is_empty() && self.planes.contains_key("Y") && !self.planes.contains_key("R");
+        let [r, g, b] = if grey { ["Y"; 3] } else { ["R", "G", "B"] };
+        let (r, g, b) = (self.f32(&full(r))?, self.f32(&full(g))?, self.f32(&full(b))?);
+        Ok(r.iter().zip(g).zip(b).map(|((&r, &g), &b)| [r, g, b]).collect())
+    }
 }
 
 /// Writes a film with all its layers.
@@ -254,8 +272,20 @@ pub fn read_channels(bytes: &[u8], max_pixels: u64) -> Result<Channels> {
     })
 }
 
+/// Do the bytes start as a file of this format does?
+pub fn is_exr(bytes: &[u8]) -> bool {
+    bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01])
+}
+
 /// Reads the picture in `R G B` (or grey in `Y`) of the first part; the data window is the picture.
 pub fn read(bytes: &[u8], max_pixels: u64) -> Result<Image> {
+    check_chromaticities(bytes)?;
+    let channels = read_channels(bytes, max_pixels)?;
+    Ok(Image { width: channels.width, height: channels.height, rgb: channels.rgb("")? })
+}
+
+/// Refuses pictures whose numbers are not linear sRGB.
+pub fn check_chromaticities(bytes: &[u8]) -> Result<()> {
     let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(|e| invalid(FORMAT, e))?;
     if let Some(c) = meta.headers.first().and_then(|h| h.shared_attributes.chromaticities) {
         let points = [c.red, c.green, c.blue, c.white].map(|p| (p.x(), p.y()));
@@ -266,12 +296,7 @@ pub fn read(bytes: &[u8], max_pixels: u64) -> Result<Image> {
             ));
         }
     }
-    let channels = read_channels(bytes, max_pixels)?;
-    let grey = channels.planes.contains_key("Y") && !channels.planes.contains_key("R");
-    let [r, g, b] = if grey { ["Y"; 3] } else { ["R", "G", "B"] };
-    let (r, g, b) = (channels.f32(r)?, channels.f32(g)?, channels.f32(b)?);
-    let rgb = r.iter().zip(g).zip(b).map(|((&r, &g), &b)| [r, g, b]).collect();
-    Ok(Image { width: channels.width, height: channels.height, rgb })
+    Ok(())
 }
 
 /// Refuses what would take more memory than the bytes can account for, and what [`read_channels`] cannot read.
@@ -385,10 +410,14 @@ mod tests {
             assert_eq!(back.attributes[name], value);
         }
         assert_eq!(read_channels(&write_channels(&back).unwrap(), LIMIT).unwrap(), back);
+        assert_eq!(back.rgb("albedo").unwrap(), film.pixels().iter().map(Pixel::albedo).collect::<Vec<_>>());
+        let error = back.rgb("glow").unwrap_err().to_string();
+        assert!(error.contains("albedo, direct, indirect, variance"), "{error}");
         let short = Channels { width: back.width + 1, ..back };
         assert!(write_channels(&short).is_err());
         let picture = read(&bytes, LIMIT).unwrap();
         assert_eq!((picture.width, picture.height, &picture.rgb), (21, 24, &film.beauty()));
+        assert!(is_exr(&bytes) && !is_exr(b"v/1"));
     }
 
     #[test]

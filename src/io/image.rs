@@ -25,12 +25,17 @@ pub struct Image {
     pub rgb: Vec<[f32; 3]>,
 }
 
+/// Is it a picture of light, of any brightness (EXR, Radiance HDR), and not of a screen?
+pub fn is_light(bytes: &[u8]) -> bool {
+    exr::is_exr(bytes) || bytes.starts_with(b"#?")
+}
+
 /// Reads a picture of at most `max_pixels` pixels.
 pub fn read(bytes: &[u8], max_pixels: u64) -> Result<Image> {
     // The most pixels that one byte of the format can stand for: deflate makes 1032 bytes of 8 grey pixels;
     // JPEG needs at least a bit for 64 pixels; Radiance runs repeat a pixel 2^24 times but pictures do not.
     let (format, name, pixels_per_byte) = match bytes {
-        [0x76, 0x2f, 0x31, 0x01, ..] => return exr::read(bytes, max_pixels),
+        bytes if exr::is_exr(bytes) => return exr::read(bytes, max_pixels),
         [0x89, b'P', b'N', b'G', ..] => (ImageFormat::Png, "PNG", 8256),
         [0xff, 0xd8, 0xff, ..] => (ImageFormat::Jpeg, "JPEG", 1024),
         [b'#', b'?', ..] => (ImageFormat::Hdr, "Radiance HDR", 8256),

@@ -26,6 +26,7 @@ pub mod window_xml;
 mod patch_average;
 pub mod window_xml_write;
 pub mod picture;
+pub mod false_color;
 pub mod pgii;
 pub mod zemax;
 pub mod measured;

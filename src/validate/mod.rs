@@ -2,8 +2,8 @@
 //!
 //! Nothing here prints or panics: every check returns its statistic, its tolerance and whether it passed.
 //! [`check_bsdf`] runs the conformance suite over one model, [`check_scatter`] what can be said of a thing
-//! that may only be simulated, [`check_petal`] also its estimate, [`shipped()`], [`shipped_petals`] and [`shipped_tables`] list the models that the program ships, and [`compare`] weighs
-//! images, [`laws`] measures what botanists found. [`wrong`] holds models with one deliberate fault each, to show that the suite rejects them.
+//! that may only be simulated, [`check_petal`] also its estimate, [`shipped()`], [`shipped_petals`] and [`shipped_tables`] list the models that the program ships. [`compare`], [`flip`] and
+//! [`pictures`] weigh images, [`laws`] measures what botanists found. [`wrong`] holds models with one deliberate fault each, to show that the suite rejects them.
 //!
 //! | test | claim | statistic | fails |
 //! |---|---|---|---|
@@ -27,6 +27,7 @@ mod sheet;
 mod shipped;
 pub mod compare;
 pub mod flip;
+pub mod pictures;
 pub mod laws;
 #[doc(hidden)]
 pub mod wrong;
