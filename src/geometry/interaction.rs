@@ -42,4 +42,6 @@ pub struct Interaction {
     pub shape: u32,
     /// Face of that shape.
     pub face: u32,
+    /// Barycentric coordinates in that face.
+    pub b: Vec3,
 }

@@ -100,8 +100,23 @@ impl AreaEmitter {
         Self { triangles, cumulative, area_mm2: total as f32, two_sided, radiance }
     }
 
+    /// Radiance of a side that glows.
+    pub(super) fn radiance(&self) -> &Spectrum {
+        &self.radiance
+    }
+
+    /// Area, mm2.
+    pub(super) fn area_mm2(&self) -> f32 {
+        self.area_mm2
+    }
+
+    /// How many sides glow.
+    pub fn sides(&self) -> u32 {
+        if self.two_sided { 2 } else { 1 }
+    }
+
     /// Uniform point with its geometric normal.
-    fn sample(&self, u: Vec2) -> (Vec3, Vec3) {
+    pub(super) fn sample(&self, u: Vec2) -> (Vec3, Vec3) {
         let (face, x) = search(&self.cumulative, u.x);
         let [a, b, c] = self.triangles[face];
         let w = warp::square_to_triangle(Vec2::new(x, u.y));

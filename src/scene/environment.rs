@@ -83,6 +83,21 @@ impl Environment {
         self.mean_luminance
     }
 
+    /// Linear sRGB radiance integrated over all directions.
+    pub fn integral(&self) -> [f32; 3] {
+        let mut sum = [0.0f64; 3];
+        for y in 0..self.height {
+            let (top, bottom) = self.row_cosines(y);
+            let share = f64::from(TAU) * f64::from(top - bottom) / self.width as f64;
+            for pixel in &self.pixels[y * self.width..(y + 1) * self.width] {
+                for (s, v) in sum.iter_mut().zip(pixel) {
+                    *s += share * f64::from(*v);
+                }
+            }
+        }
+        sum.map(|s| s as f32)
+    }
+
     /// Linear sRGB radiance from a unit direction (towards the surroundings).
     pub fn rgb(&self, direction: Vec3) -> Vec3 {
         let uv = self.uv(direction);

@@ -15,6 +15,7 @@ pub mod assets;
 pub mod camera;
 pub mod environment;
 pub mod emitter;
+pub mod emission;
 pub mod material;
 pub mod petal;
 pub mod tabulated;

@@ -63,7 +63,17 @@ impl Scene {
             Some(t) => Frame::from_normal_tangent(ns, t),
             None => Frame::from_normal(ns),
         };
-        Some(Interaction { p, ng, frame, uv, uv_scale_mm, t: hit.t, shape: hit.shape, face: hit.face })
+        Some(Interaction {
+            p,
+            ng,
+            frame,
+            uv,
+            uv_scale_mm,
+            t: hit.t,
+            shape: hit.shape,
+            face: hit.face,
+            b: hit.b,
+        })
     }
 
     /// The ray that leaves `at` in `direction`.

@@ -5,6 +5,7 @@
 //! sample index, dimension), so the same scene gives the same bytes at any thread count and in any crop.
 
 pub mod path;
+pub mod radiosity;
 pub mod raytrace;
 pub mod render;
 pub mod shade;

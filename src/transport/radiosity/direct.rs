@@ -1,0 +1,132 @@
+//! Light that comes to a node straight from the lights.
+//!
+//! Model: the mean over uniform points x of a node, and over samples of every light,
+//!
+//! ```text
+//! E = mean over x of sum over lights of L(wi) cos(theta) V(x, wi) / pdf(wi)
+//! E_r = the same with R(theta),  E_t with T(theta):  what is sent back, and through
+//! ```
+//!
+//! where R and T are the directional-hemispherical totals of the material ([`MaterialTotals`]), so what a sheet does with
+//! direct light depends on where that light comes from. Spectral, per nm. Guarded by `sky_and_sun_on_a_floor`.
+//! Source: our reading.
+
+use glam::UVec2;
+use rayon::prelude::*;
+
+use super::elements::{Elements, node};
+use crate::geometry::ray::offset_origin;
+use crate::geometry::{Ray, Side};
+use crate::math::Sampler;
+use crate::scene::{Drawing, Emitter, LightSample, MaterialTotals, Scene};
+use crate::spectrum::{SampledSpectrum, SampledWavelengths};
+
+/// Scenes with more lights than this draw one of them per point.
+const MAX_EACH: usize = 8;
+/// Marks the numbers of these samples among others of the seed.
+const SEQUENCE: u32 = 0xd14e_c7ed;
+/// Shadow rays end this share of their length before the light.
+const SHADOW_END: f32 = 1.0 - 1e-4;
+
+/// Direct light of a node at eight wavelengths.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct DirectLight {
+    /// Irradiance.
+    pub(super) incident: SampledSpectrum,
+    /// What is reflected of it.
+    pub(super) reflected: SampledSpectrum,
+    /// What of it leaves from the other side.
+    pub(super) transmitted: SampledSpectrum,
+}
+
+impl DirectLight {
+    /// More light, of which shares are reflected and transmitted.
+    pub(super) fn add(&mut self, light: SampledSpectrum, (r, t): (SampledSpectrum, SampledSpectrum)) {
+        self.incident += light;
+        self.reflected += light * r;
+        self.transmitted += light * t;
+    }
+
+    fn scale(&mut self, by: f32) {
+        self.incident *= by;
+        self.reflected *= by;
+        self.transmitted *= by;
+    }
+}
+
+/// What direct light is computed from.
+pub(super) struct Lighting<'a> {
+    pub(super) scene: &'a Scene,
+    pub(super) totals: &'a [MaterialTotals],
+    pub(super) chunks: &'a [SampledWavelengths],
+    pub(super) samples: u32,
+    pub(super) seed: u64,
+    /// Are glowing surfaces left to [`super::glow`]?
+    pub(super) without_glow: bool,
+}
+
+impl Lighting<'_> {
+    /// Direct light of both nodes of each of the elements, `chunks` values per node.
+    pub(super) fn on(
+        &self,
+        elements: &Elements,
+        which: &[u32],
+        heard: &(dyn Fn(u64) + Sync),
+    ) -> Vec<DirectLight> {
+        let per_element = 2 * self.chunks.len();
+        let mut out = vec![DirectLight::default(); which.len() * per_element];
+        out.par_chunks_mut(per_element).zip(which).for_each(|(out, element)| {
+            let (adaxial, abaxial) = out.split_at_mut(self.chunks.len());
+            self.on_node(elements, *element, Side::Adaxial, adaxial);
+            self.on_node(elements, *element, Side::Abaxial, abaxial);
+            heard(1);
+        });
+        out
+    }
+
+    fn on_node(&self, elements: &Elements, element: u32, side: Side, out: &mut [DirectLight]) {
+        let Self { scene, totals, chunks, .. } = *self;
+        let lights = &scene.lights;
+        let e = &elements.list()[element as usize];
+        let totals = &totals[scene.shapes[e.shape as usize].material as usize];
+        let up = if side == Side::Adaxial { 1.0 } else { -1.0 };
+        let sampled = |k: &usize| !(self.without_glow && matches!(lights.emitters()[*k], Emitter::Area(_)));
+        let each = self.without_glow || lights.emitters().len() <= MAX_EACH;
+        let number = node(element, side) as u32;
+        for i in 0..self.samples {
+            let mut s = Sampler::new(self.seed, UVec2::new(number, SEQUENCE), i);
+            let u_facet = s.next_1d();
+            let at = elements.sample(scene, element, u_facet, s.next_2d());
+            let n = at.normal * up;
+            let visible = |l: &LightSample| {
+                let ray =
+                    Ray { t_max: l.distance_mm * SHADOW_END, ..Ray::new(offset_origin(at.p, n, l.wi), l.wi) };
+                l.wi.dot(n) > 0.0 && !scene.bvh.occluded(&ray)
+            };
+            let mut take = |sample: &dyn Fn(&SampledWavelengths) -> Option<LightSample>| {
+                let Some(first) = sample(&chunks[0]) else { return };
+                if !visible(&first) {
+                    return;
+                }
+                let cos = first.wi.dot(n);
+                for (c, lambda) in chunks.iter().enumerate() {
+                    // The same numbers give the same direction at all wavelengths.
+                    let light = if c == 0 { Some(first) } else { sample(lambda) };
+                    if let Some(l) = light {
+                        out[c].add(l.radiance * (cos / l.pdf_per_sr), totals.at(e.uv, cos, side, c));
+                    }
+                }
+            };
+            if each {
+                for k in (0..lights.emitters().len()).filter(sampled) {
+                    let u = s.next_2d();
+                    take(&|lambda| lights.sample_light(k, Drawing::Each, at.p, u, lambda));
+                }
+            } else {
+                let (u_pick, u) = (s.next_1d(), s.next_2d());
+                take(&|lambda| lights.sample(at.p, u_pick, u, lambda));
+            }
+        }
+        out.iter_mut().for_each(|d| d.scale(1.0 / self.samples as f32));
+    }
+}

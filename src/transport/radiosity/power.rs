@@ -1,0 +1,86 @@
+//! What the lights send into the scene, and what of it meets nothing.
+//!
+//! Model: rays leave each light as its light does. Light from infinity enters through the sphere of radius R around the
+//! scene, so that a direction of radiance L brings `L pi R^2` per sr:
+//!
+//! | light | power into the scene | rays |
+//! |---|---|---|
+//! | constant, image | pi R^2 times the integral of L over directions | any direction, a disc across it |
+//! | distant | pi R^2 L 2 pi (1 - cos a), or pi R^2 E where it is parallel | its cone, a disc across |
+//! | point | 4 pi I | any direction |
+//! | area | pi L A, twice where both sides glow | its surface, by the cosine |
+//!
+//! This is counted at the lights, independently of the light that arrives at the nodes; the energy ledger sets the two
+//! side by side. Guarded by `power_arrives_or_escapes`. Source: definitions of radiance and intensity.
+
+use glam::UVec2;
+use rayon::prelude::*;
+
+use crate::math::Sampler;
+use crate::scene::{Emitter, Scene};
+use crate::spectrum::{LANES, SampledSpectrum, SampledWavelengths};
+
+/// Rays per light.
+const RAYS: u32 = 1 << 16;
+/// Rays that are summed together, so that sums do not depend on the threads.
+const BATCH: u32 = 1 << 10;
+/// Marks the numbers of these rays among others of the seed.
+const SEQUENCE: u32 = 0x90e3_0f1e;
+
+/// Power of all lights.
+#[derive(Clone, Debug)]
+pub(super) struct Power {
+    /// Into the scene, per chunk, radiance times mm2 sr.
+    pub(super) emitted: Vec<[f64; LANES]>,
+    /// ... of which meets nothing.
+    pub(super) escaped: Vec<[f64; LANES]>,
+}
+
+/// Shoots rays from every light; `without_glow` leaves out the rays, though not the power, of glowing surfaces.
+pub(super) fn power(scene: &Scene, chunks: &[SampledWavelengths], seed: u64, without_glow: bool) -> Power {
+    let (low, high) = scene.bounds;
+    let sphere = ((low + high) / 2.0, ((high - low) / 2.0).length().max(1e-6) * 1.001);
+    let none = vec![[0.0; LANES]; chunks.len()];
+    let mut out = Power { emitted: none.clone(), escaped: none.clone() };
+    let add = |to: &mut [f64; LANES], light: SampledSpectrum, by: f64| {
+        for (t, l) in to.iter_mut().zip(light.0) {
+            *t += f64::from(l) * by;
+        }
+    };
+    for light in 0..scene.lights.emitters().len() {
+        for (to, lambda) in out.emitted.iter_mut().zip(chunks) {
+            add(to, scene.lights.power(light, sphere.1, lambda), 1.0);
+        }
+        if without_glow && matches!(scene.lights.emitters()[light], Emitter::Area(_)) {
+            continue;
+        }
+        let batches: Vec<_> = (0..RAYS / BATCH)
+            .into_par_iter()
+            .map(|batch| {
+                let mut sum = none.clone();
+                for i in batch * BATCH..(batch + 1) * BATCH {
+                    let mut s = Sampler::new(seed, UVec2::new(light as u32, SEQUENCE), i);
+                    let u = [s.next_2d(), s.next_2d()];
+                    let Some((ray, _)) = scene.lights.emit(light, sphere, u, &chunks[0]) else { continue };
+                    if scene.bvh.occluded(&ray) {
+                        continue;
+                    }
+                    for (to, lambda) in sum.iter_mut().zip(chunks) {
+                        if let Some((_, weight)) = scene.lights.emit(light, sphere, u, lambda) {
+                            add(to, weight, 1.0 / f64::from(RAYS));
+                        }
+                    }
+                }
+                sum
+            })
+            .collect();
+        for batch in batches {
+            for (to, sum) in out.escaped.iter_mut().zip(batch) {
+                for (t, s) in to.iter_mut().zip(sum) {
+                    *t += s;
+                }
+            }
+        }
+    }
+    out
+}

@@ -1,0 +1,17 @@
+//! Scenes for the tests of this folder.
+
+use crate::scene::{MemoryAssets, Scene, SceneDescription, compile, load};
+
+/// A scene with a grey material, lit by a white sky of radiance 1.
+pub(super) fn scene(shapes: &str) -> Scene {
+    compiled(&format!(
+        "[materials.grey]\ntype = \"lambert\"\nreflectance = 0.5\n[lights.sky]\ntype = \"constant\"\nradiance = 1\n\
+         spectrum = {{ illuminant = \"E\" }}\n{shapes}"
+    ))
+}
+
+/// A whole scene.
+pub(super) fn compiled(text: &str) -> Scene {
+    let description: SceneDescription = load(text, "test", &[]).unwrap_or_else(|e| panic!("{e}")).description;
+    compile(&description, &MemoryAssets::default()).unwrap_or_else(|e| panic!("{e}"))
+}
