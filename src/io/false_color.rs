@@ -75,7 +75,7 @@ pub fn write(values: &[f32], width: usize, scale: Scale, caption: &str) -> Resul
     if !(low.is_finite() && high.is_finite() && low < high) {
         return Err(Error::invalid("scale", format!("{low} to {high} is not a range")));
     }
-    if width == 0 || values.is_empty() || values.len() % width != 0 {
+    if width == 0 || values.is_empty() || !values.len().is_multiple_of(width) {
         return Err(Error::invalid("picture", format!("{} values, {width} in a row", values.len())));
     }
     let height = values.len() / width;

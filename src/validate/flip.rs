@@ -1,6 +1,6 @@
 //! FLIP: how large the difference is that a person sees who alternates between two pictures, 0 to 1 per pixel.
 //!
-//! LDR-FLIP [Andersson2020], for pictures of a screen (linear sRGB, clipped to 0 to 1):
+//! LDR-FLIP ([Andersson2020](https://doi.org/10.1145/3406183)), for pictures of a screen (linear sRGB, clipped to 0 to 1):
 //! ```text
 //! E = E_c^(1 - E_f)
 //! E_c = HyAB(p, r)^0.7, mapped to [0, 1],   p, r: Lab of the filtered colours, chroma times 0.01 L (Hunt)
@@ -10,9 +10,9 @@
 //! second derivatives of the lightness under a Gaussian (`filters`). Both depend on the pixels per degree of the
 //! viewer's eye: [`PIXELS_PER_DEGREE`] unless told otherwise.
 //!
-//! HDR-FLIP [Andersson2021], for light: LDR-FLIP of both pictures at exposures between the one that shows the
+//! HDR-FLIP ([Andersson2021](https://doi.org/10.2312/egs.20211015)), for light: LDR-FLIP of both pictures at exposures between the one that shows the
 //! reference's brightest pixel at 0.85 of white and the one that does so with its median, behind Narkowicz's curve
-//! [Narkowicz2015]; the largest value of each pixel over the exposures.
+//! ([Narkowicz2016](https://knarkowicz.wordpress.com/2016/01/06/aces-filmic-tone-mapping-curve/)); the largest value of each pixel over the exposures.
 //!
 //! | symbol | here | unit | default |
 //! |---|---|---|---|
@@ -21,7 +21,7 @@
 //!
 //! Limits: the white is our integral of D65, not the authors' rounded one; borders repeat their pixels; a pixel's
 //! luminance counts as at least 2^-23 where the exposures are found, as in the authors' program, so a dark reference
-//! does not ask for endless exposures; a negative light counts as black. Guarded by `values_of_the_authors_program`,
+//! does not ask for endless exposures; negative light, which colours beyond sRGB have, counts as black: FLIP is not defined for it. Guarded by `values_of_the_authors_program`,
 //! `equal_pictures_have_no_difference`, `swapped_pictures_have_the_same_difference`, `extremes_are_black_and_white`,
 //! `a_dark_reference_has_few_exposures`. `scripts/foreign_flip.py` compares whole pictures with the authors' program.
 
@@ -67,7 +67,8 @@ impl Exposures {
     /// Those for a reference picture.
     pub fn of(reference: &[[f32; 3]]) -> Result<Self> {
         check(reference, reference, reference.len(), PIXELS_PER_DEGREE)?;
-        let mut light: Vec<f32> = reference.iter().map(|&rgb| luminance(rgb).max(LEAST_LUMINANCE)).collect();
+        let seen = |rgb: &[f32; 3]| luminance(rgb.map(|v| v.max(0.0))).max(LEAST_LUMINANCE);
+        let mut light: Vec<f32> = reference.iter().map(seen).collect();
         let brightest = light.iter().copied().fold(0.0, f32::max);
         let half = light.len() / 2;
         let median = *light.select_nth_unstable_by(half, f32::total_cmp).1;
@@ -157,7 +158,8 @@ fn narkowicz() -> [f64; 5] {
 }
 
 fn check(image: &[[f32; 3]], reference: &[[f32; 3]], width: usize, pixels_per_degree: f32) -> Result<()> {
-    if image.len() != reference.len() || width == 0 || image.is_empty() || image.len() % width != 0 {
+    if image.len() != reference.len() || width == 0 || image.is_empty() || !image.len().is_multiple_of(width)
+    {
         let what = format!("{} and {} pixels, {width} in a row", image.len(), reference.len());
         return Err(Error::invalid("flip", what));
     }

@@ -12,7 +12,7 @@
 
 use super::compare::{ImageTest, accepted_share, relmse, rmse, z_test_images};
 use super::flip::{Exposures, PIXELS_PER_DEGREE, Pooled, hdr_flip, ldr_flip, pool};
-use crate::film::PixelRect;
+use crate::film::{Film, Pixel, PixelRect};
 use crate::io::{exr, image};
 use crate::spectrum::color::luminance;
 use crate::{Error, Result};
@@ -90,6 +90,18 @@ impl Picture {
             self.rgb.iter().map(|&rgb| f64::from(get(rgb))).sum::<f64>() / self.rgb.len() as f64
         };
         [mean(&|v| v[0]), mean(&|v| v[1]), mean(&|v| v[2]), mean(&luminance)]
+    }
+}
+
+impl From<&Film> for Picture {
+    fn from(film: &Film) -> Self {
+        Self {
+            width: film.width() as usize,
+            height: film.height() as usize,
+            rgb: film.beauty(),
+            variance: Some(film.pixels().iter().map(Pixel::variance).collect()),
+            is_light: true,
+        }
     }
 }
 
@@ -190,13 +202,7 @@ impl Difference {
 
 /// Compares a picture with a reference of the same size; both must be finite.
 pub fn difference(image: &Picture, reference: &Picture, settings: &Settings) -> Result<Difference> {
-    if (image.width, image.height) != (reference.width, reference.height) {
-        let what = format!(
-            "{} x {} pixels against {} x {}",
-            image.width, image.height, reference.width, reference.height
-        );
-        return Err(Error::invalid("picture", what));
-    }
+    same_size(image, reference)?;
     if !(settings.epsilon > 0.0 && settings.epsilon.is_finite()) {
         return Err(Error::invalid("epsilon", format!("{} is not a positive number", settings.epsilon)));
     }
@@ -219,8 +225,17 @@ pub fn difference(image: &Picture, reference: &Picture, settings: &Settings) -> 
     })
 }
 
-/// None where neither picture brings variances.
-fn noise_test(image: &Picture, reference: &Picture) -> Result<Option<NoiseTest>> {
+fn same_size(image: &Picture, reference: &Picture) -> Result<()> {
+    let sizes = [image, reference].map(|p| (p.width, p.height));
+    if sizes[0] != sizes[1] {
+        return Err(Error::invalid("picture", format!("{:?} pixels against {:?}", sizes[0], sizes[1])));
+    }
+    Ok(())
+}
+
+/// The z tests alone; none where neither picture brings variances.
+pub fn noise_test(image: &Picture, reference: &Picture) -> Result<Option<NoiseTest>> {
+    same_size(image, reference)?;
     if image.variance.is_none() && reference.variance.is_none() {
         return Ok(None);
     }

@@ -1,4 +1,4 @@
-//! The eye's filters of FLIP [Andersson2020], as products of filters along rows and along columns.
+//! The eye's filters of FLIP ([Andersson2020](https://doi.org/10.1145/3406183)), as products of filters along rows and along columns.
 //!
 //! Contrast sensitivity, from its transform, a sum of Gaussians of the distance in degrees; `p` pixels per degree:
 //! ```text
