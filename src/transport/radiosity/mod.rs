@@ -70,6 +70,8 @@ pub struct RadiositySettings {
     pub rays: u32,
     /// Samples of every light for each side of an element. Default 64.
     pub light_samples: u32,
+    /// Rays from every light that tell how much of its power meets nothing, for the ledger. Default 2^20.
+    pub light_rays: u32,
     /// The iteration ends when this share of the direct light is still under way. Default 1e-5.
     pub residual: f64,
     /// ... or after this many orders of scattering. Default 1000.
@@ -86,6 +88,7 @@ impl Default for RadiositySettings {
             elements: 20_000,
             rays: 128,
             light_samples: 64,
+            light_rays: 1 << 20,
             residual: 1e-5,
             max_orders: 1000,
             seed: 0,
@@ -108,9 +111,12 @@ impl RadiositySettings {
     }
 
     fn validate(&self) -> Result<()> {
-        for (name, value) in
-            [("elements", self.elements), ("rays", self.rays), ("light_samples", self.light_samples)]
-        {
+        for (name, value) in [
+            ("elements", self.elements),
+            ("rays", self.rays),
+            ("light_samples", self.light_samples),
+            ("light_rays", self.light_rays),
+        ] {
             if !(1..=50_000_000).contains(&value) {
                 return Err(Error::invalid(name, format!("{value} is not within 1 to 5e7")));
             }
@@ -270,7 +276,7 @@ pub fn solve(
     };
     let goal = (settings.residual, settings.max_orders);
     let solution = solve::solve(&exchange, &direct, &shares, &areas, goal, &Orders(progress));
-    let mut power = power::power(scene, &chunks, settings.seed, lighting.without_glow);
+    let mut power = power::power(scene, &chunks, (settings.light_rays, settings.seed), lighting.without_glow);
     for (sum, glow) in power.escaped.iter_mut().zip(&escaped_glow) {
         sum.iter_mut().zip(glow).for_each(|(s, g)| *s += g);
     }

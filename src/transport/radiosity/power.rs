@@ -20,8 +20,6 @@ use crate::math::Sampler;
 use crate::scene::{Emitter, Scene};
 use crate::spectrum::{LANES, SampledSpectrum, SampledWavelengths};
 
-/// Rays per light.
-const RAYS: u32 = 1 << 16;
 /// Rays that are summed together, so that sums do not depend on the threads.
 const BATCH: u32 = 1 << 10;
 /// Marks the numbers of these rays among others of the seed.
@@ -36,8 +34,13 @@ pub(super) struct Power {
     pub(super) escaped: Vec<[f64; LANES]>,
 }
 
-/// Shoots rays from every light; `without_glow` leaves out the rays, though not the power, of glowing surfaces.
-pub(super) fn power(scene: &Scene, chunks: &[SampledWavelengths], seed: u64, without_glow: bool) -> Power {
+/// Shoots `rays` from every light; `without_glow` leaves out the rays, though not the power, of glowing surfaces.
+pub(super) fn power(
+    scene: &Scene,
+    chunks: &[SampledWavelengths],
+    (rays, seed): (u32, u64),
+    without_glow: bool,
+) -> Power {
     let (low, high) = scene.bounds;
     let sphere = ((low + high) / 2.0, ((high - low) / 2.0).length().max(1e-6) * 1.001);
     let none = vec![[0.0; LANES]; chunks.len()];
@@ -54,11 +57,11 @@ pub(super) fn power(scene: &Scene, chunks: &[SampledWavelengths], seed: u64, wit
         if without_glow && matches!(scene.lights.emitters()[light], Emitter::Area(_)) {
             continue;
         }
-        let batches: Vec<_> = (0..RAYS / BATCH)
+        let batches: Vec<_> = (0..rays.div_ceil(BATCH))
             .into_par_iter()
             .map(|batch| {
                 let mut sum = none.clone();
-                for i in batch * BATCH..(batch + 1) * BATCH {
+                for i in batch * BATCH..((batch + 1) * BATCH).min(rays) {
                     let mut s = Sampler::new(seed, UVec2::new(light as u32, SEQUENCE), i);
                     let u = [s.next_2d(), s.next_2d()];
                     let Some((ray, _)) = scene.lights.emit(light, sphere, u, &chunks[0]) else { continue };
@@ -67,7 +70,7 @@ pub(super) fn power(scene: &Scene, chunks: &[SampledWavelengths], seed: u64, wit
                     }
                     for (to, lambda) in sum.iter_mut().zip(chunks) {
                         if let Some((_, weight)) = scene.lights.emit(light, sphere, u, lambda) {
-                            add(to, weight, 1.0 / f64::from(RAYS));
+                            add(to, weight, 1.0 / f64::from(rays));
                         }
                     }
                 }

@@ -5,7 +5,15 @@ use super::*;
 use crate::transport::NoProgress;
 
 fn settings(elements: u32, rays: u32, light_samples: u32) -> RadiositySettings {
-    RadiositySettings { elements, rays, light_samples, residual: 1e-7, ..RadiositySettings::default() }
+    let residual = 1e-7;
+    RadiositySettings {
+        elements,
+        rays,
+        light_samples,
+        light_rays: 1 << 12,
+        residual,
+        ..RadiositySettings::default()
+    }
 }
 
 fn solved(scene: &Scene, settings: &RadiositySettings) -> Radiosity {
@@ -166,7 +174,7 @@ fn still_life() -> Scene {
 #[test]
 fn power_arrives_or_escapes() {
     let s = still_life();
-    let r = solved(&s, &settings(2000, 16, 64));
+    let r = solved(&s, &RadiositySettings { light_rays: 1 << 20, ..settings(2000, 4, 128) });
     let ledger = r.ledger();
     for k in 0..3 {
         // All that arrives was emitted and did not escape.
@@ -179,7 +187,7 @@ fn power_arrives_or_escapes() {
 #[test]
 fn ledger_closes() {
     let s = still_life();
-    let r = solved(&s, &settings(3000, 64, 64));
+    let r = solved(&s, &RadiositySettings { light_rays: 1 << 20, ..settings(3000, 64, 64) });
     let ledger = r.ledger();
     for (k, error) in ledger.error().iter().enumerate() {
         assert!(error.abs() < 3e-4 * ledger.emitted[k], "{error} of {}", ledger.emitted[k]);
