@@ -144,6 +144,13 @@ pub(crate) fn run(args: &Args, global: Global) -> Result<Outcome> {
         );
         return Err(Error::invalid(args.image.display().to_string(), what));
     }
+    if image.origin != reference.origin {
+        tracing::warn!(
+            "these are different parts: one begins at {:?}, the other at {:?}",
+            image.origin,
+            reference.origin
+        );
+    }
     let (image, reference) = (cropped(args, image)?, cropped(args, reference)?);
     if image.is_light != reference.is_light {
         tracing::warn!(
@@ -229,7 +236,7 @@ fn verdict(args: &Args, difference: &Difference) -> Result<Option<Verdict>> {
     let Some(tolerance) = args.tolerance else { return Ok(None) };
     let noise = |name: &str| {
         difference.noise.as_ref().ok_or_else(|| {
-            let what = "neither picture has channels variance.R, .G, .B that are not all zero";
+            let what = "it needs two pictures of light, one of them with channels variance.R, .G, .B that are not all zero";
             Error::invalid(format!("--metric {name}"), what)
         })
     };
@@ -301,7 +308,13 @@ fn for_people(args: &Args, image: &Picture, difference: &Difference) -> String {
 }
 
 fn probability(p: f64) -> String {
-    if p < 1e-3 { format!("p {p:.0e}") } else { format!("p {p:.3}") }
+    if p < 1e-300 {
+        "p < 1e-300".to_owned()
+    } else if p < 1e-3 {
+        format!("p {p:.0e}")
+    } else {
+        format!("p {p:.3}")
+    }
 }
 
 fn noise_line(noise: &NoiseTest, width: usize) -> String {

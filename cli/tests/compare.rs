@@ -102,6 +102,18 @@ fn layers_and_crops_are_compared() {
 }
 
 #[test]
+fn different_parts_are_noticed() {
+    let dir = folder();
+    for (name, crop) in [("left.exr", "0,0.5,0,1"), ("right.exr", "0.5,1,0,1")] {
+        succeeds(&dir, &["render", "scene.toml", "-q", "--crop", crop, "-o", name]);
+    }
+    let output = succeeds(&dir, &["compare", "left.exr", "right.exr"]);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(said.contains("different parts") && said.contains("(8, 0)"), "{said}");
+    assert!(succeeds(&dir, &["compare", "left.exr", "left.exr"]).stderr.is_empty());
+}
+
+#[test]
 fn a_difference_picture_has_a_bar() {
     let dir = renders();
     for plot in ["flip", "signed"] {
@@ -146,6 +158,17 @@ fn what_cannot_be_compared_is_said() {
     let exr = read(&dir, "a.exr");
     write(&dir, "short.exr", &exr[..exr.len() / 2]);
     succeeds(&dir, &["render", "scene.toml", "-q", "-D", "film.width=8", "-o", "small.exr"]);
+    let odd = SpecificChannels::build()
+        .with_channel("B")
+        .with_channel("G")
+        .with_channel("R")
+        .with_channel("variance.B")
+        .with_channel("variance.G")
+        .with_channel("variance.R")
+        .with_pixel_fn(|_| (0.5f32, 0.5f32, 0.5f32, 1e-3f32, 1e-3f32, -1.0f32));
+    let odd = exr::image::Image::from_channels((16, 12), odd);
+    odd.write().to_file(dir.path().join("odd.exr")).expect("written");
+    fails(&dir, &["compare", "a.exr", "odd.exr"], &["odd.exr", "variance", "-1"]);
     fails(&dir, &["compare", "none.exr", "a.exr"], &["none.exr", "No such file"]);
     fails(&dir, &["compare", "a.exr", "none.exr"], &["none.exr", "No such file"]);
     fails(&dir, &["compare", "a.exr", "."], &["directory"]);

@@ -24,6 +24,8 @@ pub struct Picture {
     pub width: usize,
     /// Rows.
     pub height: usize,
+    /// Column and row of the first pixel in the full picture, where the file says so.
+    pub origin: (i32, i32),
     /// Linear sRGB, row by row from the top.
     pub rgb: Vec<[f32; 3]>,
     /// Variance of each value's mean, where the picture has it and is not without any noise.
@@ -41,14 +43,18 @@ impl Picture {
             }
             let image::Image { width, height, rgb } = image::read(bytes, max_pixels)?;
             let is_light = image::is_light(bytes);
-            return Ok(Self { width, height, rgb, variance: None, is_light });
+            return Ok(Self { width, height, origin: (0, 0), rgb, variance: None, is_light });
         }
         exr::check_chromaticities(bytes)?;
         let channels = exr::read_channels(bytes, max_pixels)?;
-        let known = |v: &Vec<[f32; 3]>| v.as_flattened().iter().any(|&v| v != 0.0);
-        let variance = if layer.is_empty() { channels.rgb("variance").ok().filter(known) } else { None };
+        let noisy = |v: &Vec<[f32; 3]>| v.as_flattened().iter().any(|&v| v != 0.0);
+        let variance = if layer.is_empty() { channels.rgb("variance").ok().filter(noisy) } else { None };
+        if let Some(bad) = variance.iter().flatten().flatten().find(|v| !(v.is_finite() && **v >= 0.0)) {
+            return Err(Error::invalid("layer variance", format!("{bad} is no variance")));
+        }
         let rgb = channels.rgb(layer)?;
-        Ok(Self { width: channels.width, height: channels.height, rgb, variance, is_light: true })
+        let exr::Channels { width, height, origin, .. } = channels;
+        Ok(Self { width, height, origin, rgb, variance, is_light: true })
     }
 
     /// A part of the picture.
@@ -67,6 +73,7 @@ impl Picture {
         Ok(Self {
             width: x1 - x0,
             height: y1 - y0,
+            origin: (self.origin.0 + x0 as i32, self.origin.1 + y0 as i32),
             rgb: cut(&self.rgb),
             variance: self.variance.as_ref().map(cut),
             is_light: self.is_light,
@@ -98,6 +105,7 @@ impl From<&Film> for Picture {
         Self {
             width: film.width() as usize,
             height: film.height() as usize,
+            origin: (film.crop().x0 as i32, film.crop().y0 as i32),
             rgb: film.beauty(),
             variance: Some(film.pixels().iter().map(Pixel::variance).collect()),
             is_light: true,
@@ -221,7 +229,8 @@ pub fn difference(image: &Picture, reference: &Picture, settings: &Settings) -> 
         flip: pool(&flip_map),
         flip_map,
         exposures,
-        noise: noise_test(image, reference)?,
+        // A tone curve is no noise.
+        noise: if exposures.is_some() { noise_test(image, reference)? } else { None },
     })
 }
 
@@ -302,6 +311,7 @@ mod tests {
         Picture {
             width: 60,
             height: 40,
+            origin: (7, 8),
             rgb: (0..2400).map(|i| [value(3 * i), value(3 * i + 1), value(3 * i + 2)]).collect(),
             variance: Some(vec![[1e-4; 3]; 2400]),
             is_light: true,
@@ -342,7 +352,7 @@ mod tests {
         assert_eq!(a.not_finite(), Some((2, (5, 2))));
         assert!(difference(&a, &noisy(2, 1.0), &Settings::default()).is_err());
         let part = a.crop(PixelRect { x0: 5, y0: 2, x1: 8, y1: 40 })?;
-        assert_eq!((part.width, part.height, part.rgb.len()), (3, 38, 114));
+        assert_eq!((part.width, part.height, part.rgb.len(), part.origin), (3, 38, 114, (12, 10)));
         assert_eq!(part.variance.as_ref().map(Vec::len), Some(114));
         assert_eq!(part.not_finite(), Some((1, (0, 0))));
         assert!(a.crop(PixelRect { x0: 0, y0: 0, x1: 61, y1: 1 }).is_err());
