@@ -80,6 +80,28 @@ impl Bsdf for Lambert {
         }
         cosine_hemisphere_pdf(wi.abs())
     }
+
+    fn diffuse(&self, side: Side, lambda: &SampledWavelengths) -> [SampledSpectrum; 2] {
+        [self.reflectance(side).sample(lambda), SampledSpectrum::ZERO]
+    }
+
+    fn eval_rest(&self, _wo: Vec3, _wi: Vec3, _lambda: &SampledWavelengths) -> SampledSpectrum {
+        SampledSpectrum::ZERO
+    }
+
+    fn sample_rest(
+        &self,
+        _wo: Vec3,
+        _lambda: &SampledWavelengths,
+        _u_lobe: f32,
+        _u: Vec2,
+    ) -> Option<BsdfSample> {
+        None
+    }
+
+    fn pdf_rest(&self, _wo: Vec3, _wi: Vec3, _lambda: &SampledWavelengths) -> f32 {
+        0.0
+    }
 }
 
 #[cfg(test)]

@@ -18,8 +18,9 @@
 use glam::{Vec2, Vec3};
 
 use super::phong::{PhongSampling, cos_alpha_power};
-use super::{Bsdf, BsdfSample};
+use super::{Bsdf, BsdfSample, Lobe};
 use crate::Result;
+use crate::geometry::Side;
 use crate::math::frame::same_side;
 use crate::spectrum::{SampledSpectrum, SampledWavelengths, Spectrum};
 
@@ -51,6 +52,14 @@ impl LiteralPhong {
         &self.specular
     }
 
+    /// The lobe alone, 1/sr.
+    fn eval_lobe(&self, wo: Vec3, wi: Vec3, lambda: &SampledWavelengths) -> SampledSpectrum {
+        if !same_side(wo, wi) {
+            return SampledSpectrum::ZERO;
+        }
+        self.specular.sample(lambda) * (cos_alpha_power(wo, wi, self.sampling.exponent) / wi.z.abs())
+    }
+
     /// n.
     pub fn exponent(&self) -> f32 {
         self.sampling.exponent
@@ -62,8 +71,7 @@ impl Bsdf for LiteralPhong {
         if !same_side(wo, wi) {
             return SampledSpectrum::ZERO;
         }
-        let lobe = cos_alpha_power(wo, wi, self.sampling.exponent) / wi.z.abs();
-        self.diffuse.sample(lambda) * FRAC_1_PI + self.specular.sample(lambda) * lobe
+        self.diffuse.sample(lambda) * FRAC_1_PI + self.eval_lobe(wo, wi, lambda)
     }
 
     fn sample(&self, wo: Vec3, lambda: &SampledWavelengths, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
@@ -73,6 +81,35 @@ impl Bsdf for LiteralPhong {
 
     fn pdf(&self, wo: Vec3, wi: Vec3, _lambda: &SampledWavelengths) -> f32 {
         self.sampling.pdf(wo, wi)
+    }
+
+    fn diffuse(&self, _side: Side, lambda: &SampledWavelengths) -> [SampledSpectrum; 2] {
+        [self.diffuse.sample(lambda), SampledSpectrum::ZERO]
+    }
+
+    fn eval_rest(&self, wo: Vec3, wi: Vec3, lambda: &SampledWavelengths) -> SampledSpectrum {
+        self.eval_lobe(wo, wi, lambda)
+    }
+
+    fn sample_rest(
+        &self,
+        wo: Vec3,
+        lambda: &SampledWavelengths,
+        _u_lobe: f32,
+        u: Vec2,
+    ) -> Option<BsdfSample> {
+        let wi = self.sampling.draw_lobe(wo, u);
+        let pdf_per_sr = self.pdf_rest(wo, wi, lambda);
+        (pdf_per_sr > 0.0).then(|| BsdfSample {
+            wi,
+            f: self.eval_lobe(wo, wi, lambda),
+            pdf_per_sr,
+            lobe: Lobe::GlossyReflection,
+        })
+    }
+
+    fn pdf_rest(&self, wo: Vec3, wi: Vec3, _lambda: &SampledWavelengths) -> f32 {
+        self.sampling.pdf_lobe(wo, wi)
     }
 }
 

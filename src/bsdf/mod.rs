@@ -12,9 +12,13 @@ pub mod phong;
 pub mod literal_phong;
 pub mod diffuse_transmission;
 
+use std::f32::consts::FRAC_1_PI;
+
 use glam::{Vec2, Vec3};
 
+use crate::geometry::Side;
 use crate::math::Sampler;
+use crate::math::frame::same_side;
 use crate::spectrum::{SampledSpectrum, SampledWavelengths};
 
 pub use diffuse_transmission::DiffuseTransmission;
@@ -64,6 +68,34 @@ pub trait Bsdf: Send + Sync {
     /// Density of [`Bsdf::sample`] for `wi`, 1/sr; over the sphere it integrates to one where `sample`
     /// always succeeds, to the probability of success elsewhere.
     fn pdf(&self, wo: Vec3, wi: Vec3, lambda: &SampledWavelengths) -> f32;
+
+    /// The diffuse part D of `f = D / pi + S`: the shares of the light on a side that leave on that side and on the
+    /// other without a preferred direction. Which part of a model that is, is the model's choice; light transport
+    /// may treat the parts apart. Default: nothing, so that the rest S is all.
+    fn diffuse(&self, _side: Side, _lambda: &SampledWavelengths) -> [SampledSpectrum; 2] {
+        [SampledSpectrum::ZERO; 2]
+    }
+
+    /// S(wo, wi), 1/sr, without the cosine. May be negative where D is a mean.
+    fn eval_rest(&self, wo: Vec3, wi: Vec3, lambda: &SampledWavelengths) -> SampledSpectrum {
+        if wo.z == 0.0 || wi.z == 0.0 {
+            return SampledSpectrum::ZERO;
+        }
+        let [reflected, transmitted] = self.diffuse(Side::of(wo), lambda);
+        let diffuse = if same_side(wo, wi) { reflected } else { transmitted };
+        self.eval(wo, wi, lambda) - diffuse * FRAC_1_PI
+    }
+
+    /// As [`Bsdf::sample`], for S: `f` of the sample is S. `None` where S is zero.
+    fn sample_rest(&self, wo: Vec3, lambda: &SampledWavelengths, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
+        let sample = self.sample(wo, lambda, u_lobe, u)?;
+        Some(BsdfSample { f: self.eval_rest(wo, sample.wi, lambda), ..sample })
+    }
+
+    /// Density of [`Bsdf::sample_rest`] for `wi`, 1/sr.
+    fn pdf_rest(&self, wo: Vec3, wi: Vec3, lambda: &SampledWavelengths) -> f32 {
+        self.pdf(wo, wi, lambda)
+    }
 }
 
 /// What one step of light does in something that may only be simulated, such as a walk through cells.

@@ -25,6 +25,7 @@ use glam::{Vec2, Vec3};
 
 use super::albedo::{check_share, check_sum};
 use super::{Bsdf, BsdfSample, Lobe, on_side};
+use crate::geometry::Side;
 use crate::math::Frame;
 use crate::math::frame::{mirror, same_side};
 use crate::math::warp::{cosine_hemisphere_pdf, square_to_cosine_hemisphere, square_to_power_cosine};
@@ -93,6 +94,35 @@ impl Bsdf for Phong {
     fn pdf(&self, wo: Vec3, wi: Vec3, _lambda: &SampledWavelengths) -> f32 {
         self.sampling.pdf(wo, wi)
     }
+
+    fn diffuse(&self, _side: Side, lambda: &SampledWavelengths) -> [SampledSpectrum; 2] {
+        [self.diffuse.sample(lambda), SampledSpectrum::ZERO]
+    }
+
+    fn eval_rest(&self, wo: Vec3, wi: Vec3, lambda: &SampledWavelengths) -> SampledSpectrum {
+        self.eval_lobe(wo, wi, lambda)
+    }
+
+    fn sample_rest(
+        &self,
+        wo: Vec3,
+        lambda: &SampledWavelengths,
+        _u_lobe: f32,
+        u: Vec2,
+    ) -> Option<BsdfSample> {
+        let wi = self.sampling.draw_lobe(wo, u);
+        let pdf_per_sr = self.pdf_rest(wo, wi, lambda);
+        (pdf_per_sr > 0.0).then(|| BsdfSample {
+            wi,
+            f: self.eval_lobe(wo, wi, lambda),
+            pdf_per_sr,
+            lobe: Lobe::GlossyReflection,
+        })
+    }
+
+    fn pdf_rest(&self, wo: Vec3, wi: Vec3, _lambda: &SampledWavelengths) -> f32 {
+        self.sampling.pdf_lobe(wo, wi)
+    }
 }
 
 /// `max(0, cos alpha)^n`. The cosine comes from the chord between the mirror direction and `wi`, because
@@ -128,8 +158,7 @@ impl PhongSampling {
     /// Direction, density, lobe.
     pub(super) fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<(Vec3, f32, Lobe)> {
         let (wi, lobe) = if u_lobe < self.glossy? {
-            let local = square_to_power_cosine(u, self.exponent);
-            (Frame::from_normal(mirror(wo)).to_world(local), Lobe::GlossyReflection)
+            (self.draw_lobe(wo, u), Lobe::GlossyReflection)
         } else {
             (on_side(square_to_cosine_hemisphere(u), wo.z), Lobe::DiffuseReflection)
         };
@@ -144,6 +173,19 @@ impl PhongSampling {
         }
         let lobe = (self.exponent + 1.0) / TAU * cos_alpha_power(wo, wi, self.exponent);
         glossy * lobe + (1.0 - glossy) * cosine_hemisphere_pdf(wi.abs())
+    }
+
+    /// Direction in the lobe, which may lie below the surface.
+    pub(super) fn draw_lobe(&self, wo: Vec3, u: Vec2) -> Vec3 {
+        Frame::from_normal(mirror(wo)).to_world(square_to_power_cosine(u, self.exponent))
+    }
+
+    /// Density of [`PhongSampling::draw_lobe`] above the surface; zero where there is no lobe.
+    pub(super) fn pdf_lobe(&self, wo: Vec3, wi: Vec3) -> f32 {
+        if !same_side(wo, wi) || self.glossy.is_none_or(|g| g <= 0.0) {
+            return 0.0;
+        }
+        (self.exponent + 1.0) / TAU * cos_alpha_power(wo, wi, self.exponent)
     }
 }
 

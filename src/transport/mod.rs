@@ -4,6 +4,8 @@
 //! integrator in parallel and adds to the film. Every number that a path draws depends only on (seed, pixel,
 //! sample index, dimension), so the same scene gives the same bytes at any thread count and in any crop.
 
+mod direct;
+
 pub mod path;
 pub mod radiosity;
 pub mod raytrace;

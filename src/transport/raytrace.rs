@@ -7,7 +7,7 @@
 //! Limits: biased by intent. What a sheet lets through keeps its direction here, where `path` scatters it.
 //! Without sheets between, equal to the direct light of `path` (`raytrace_is_the_direct_light_of_path`).
 
-use super::path::{DIMENSIONS_PER_LIGHT, FIRST_DIMENSION};
+use super::direct::{Came, dimension_of_light, meet};
 use super::shade::Shading;
 use super::{Incident, Integrator, PixelRay};
 use crate::math::Sampler;
@@ -28,17 +28,13 @@ impl Integrator for Raytrace {
     ) -> Incident {
         let mut result = Incident::default();
         let ray = pixel.ray;
-        let Some(at) = scene.intersect(&ray) else {
-            result.direct = scene.lights.environment(ray.direction, lambda);
-            return result;
-        };
+        let (light, at) = meet(scene, &ray, Came::Camera, Drawing::Each, lambda);
+        result.direct = light;
+        let Some(at) = at else { return result };
         result.first = Some(at);
-        if let Some(emitter) = scene.shapes[at.shape as usize].emitter {
-            result.direct = scene.lights.emitted(emitter, at.ng, -ray.direction, lambda);
-        }
         let shading = Shading::new(scene, at, -ray.direction, lambda, Some(pixel), scene.petal.samples);
         for i in 0..scene.lights.emitters().len() {
-            sampler.start_dimension(FIRST_DIMENSION + DIMENSIONS_PER_LIGHT * i as u32);
+            sampler.start_dimension(dimension_of_light(i));
             let u = sampler.next_2d();
             let Some(light) = scene.lights.sample_light(i, Drawing::Each, at.p, u, lambda) else { continue };
             let share = scene.transmitted(&at, light.wi, light.distance_mm, lambda);

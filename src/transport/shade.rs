@@ -1,16 +1,22 @@
-//! One scattering event at a surface: the two calls that every integrator makes.
+//! One scattering event at a surface: the calls that every integrator makes.
 //!
 //! A BSDF, analytic or tabulated, is evaluated and priced, so that light sampling and BSDF sampling can be weighed against
 //! each other. A petal of cells has only an unbiased estimate of its value and a walk: its direct light comes
 //! from light sampling alone, and a light that the walk happens to meet is not counted again.
+//!
+//! The BSDF is also given in two parts, `f = D / pi + S`: what has no preferred direction ([`Bsdf::diffuse`]) and the rest, so
+//! that the two may be carried in different ways.
+
+use std::f32::consts::FRAC_1_PI;
 
 use glam::Vec3;
 
 use super::PixelRay;
 use crate::bsdf::Bsdf;
-use crate::geometry::Interaction;
+use crate::geometry::{Interaction, Side};
 use crate::gonio::AtPigment;
 use crate::math::Sampler;
+use crate::math::frame::same_side;
 use crate::micro::shading::{CellPetal, Footprint};
 use crate::scene::{Petal, Scattering, Scene};
 use crate::spectrum::{SampledSpectrum, SampledWavelengths};
@@ -112,6 +118,73 @@ impl<'a> Shading<'a> {
         }
     }
 
+    /// The diffuse part D of the BSDF, `f = D / pi + S`: shares of the light on a side that leave towards the viewer, of the
+    /// viewer's own side and of the other.
+    pub(super) fn diffuse(&self, lambda: &SampledWavelengths) -> [SampledSpectrum; 2] {
+        let side = Side::of(self.wo_local);
+        match &self.model {
+            Model::Bsdf(bsdf) => bsdf.diffuse(side, lambda),
+            Model::Tabulated(petal) => petal.diffuse(side, lambda),
+            Model::Cells(petal) => petal.diffuse(side, lambda),
+        }
+    }
+
+    /// `D / pi |cos|` towards `wi`.
+    pub(super) fn eval_diffuse(&self, wi: Vec3, lambda: &SampledWavelengths) -> SampledSpectrum {
+        let wi_local = self.at.frame.to_local(wi);
+        if !self.consistent(wi, wi_local) {
+            return SampledSpectrum::ZERO;
+        }
+        let [reflected, transmitted] = self.diffuse(lambda);
+        let d = if same_side(self.wo_local, wi_local) { reflected } else { transmitted };
+        d * (FRAC_1_PI * wi_local.z.abs())
+    }
+
+    /// As [`Shading::eval`], for the rest S.
+    pub(super) fn eval_rest(
+        &self,
+        wi: Vec3,
+        lambda: &SampledWavelengths,
+        sampler: &mut Sampler,
+    ) -> (SampledSpectrum, Option<f32>) {
+        let wi_local = self.at.frame.to_local(wi);
+        if !self.consistent(wi, wi_local) {
+            return (SampledSpectrum::ZERO, Some(0.0));
+        }
+        let cos = wi_local.z.abs();
+        let of = |bsdf: &dyn Bsdf| {
+            let pdf_per_sr = bsdf.pdf_rest(self.wo_local, wi_local, lambda);
+            (bsdf.eval_rest(self.wo_local, wi_local, lambda) * cos, Some(pdf_per_sr))
+        };
+        match &self.model {
+            Model::Bsdf(bsdf) => of(*bsdf),
+            Model::Tabulated(petal) => of(petal),
+            Model::Cells(petal) => {
+                let (footprint, points) = (self.footprint, self.points);
+                let f = petal.estimate_rest(self.wo_local, wi_local, lambda, footprint, points, sampler);
+                (f * cos, None)
+            }
+        }
+    }
+
+    /// As [`Shading::sample`], for the rest S. `None` where there is none.
+    pub(super) fn sample_rest(&self, lambda: &SampledWavelengths, sampler: &mut Sampler) -> Option<Next> {
+        let draw = |bsdf: &dyn Bsdf, sampler: &mut Sampler| {
+            let u_lobe = sampler.next_1d();
+            let s = bsdf.sample_rest(self.wo_local, lambda, u_lobe, sampler.next_2d())?;
+            Some((s.wi, s.weight(), Some(s.pdf_per_sr)))
+        };
+        let drawn = match &self.model {
+            Model::Bsdf(bsdf) => draw(*bsdf, sampler)?,
+            Model::Tabulated(petal) => draw(petal, sampler)?,
+            Model::Cells(petal) => {
+                let (wi, weight) = petal.scatter_rest_at(self.wo_local, lambda, self.footprint, sampler)?;
+                (wi, weight, None)
+            }
+        };
+        self.next(drawn)
+    }
+
     /// Draws where light comes from.
     pub(super) fn sample(&self, lambda: &SampledWavelengths, sampler: &mut Sampler) -> Option<Next> {
         let draw = |bsdf: &dyn Bsdf, sampler: &mut Sampler| {
@@ -119,7 +192,7 @@ impl<'a> Shading<'a> {
             let s = bsdf.sample(self.wo_local, lambda, u_lobe, sampler.next_2d())?;
             Some((s.wi, s.weight(), Some(s.pdf_per_sr)))
         };
-        let (wi_local, weight, pdf_per_sr) = match &self.model {
+        let drawn = match &self.model {
             Model::Bsdf(bsdf) => draw(*bsdf, sampler)?,
             Model::Tabulated(petal) => draw(petal, sampler)?,
             Model::Cells(petal) => {
@@ -127,6 +200,10 @@ impl<'a> Shading<'a> {
                 (wi, weight, None)
             }
         };
+        self.next(drawn)
+    }
+
+    fn next(&self, (wi_local, weight, pdf_per_sr): (Vec3, SampledSpectrum, Option<f32>)) -> Option<Next> {
         let direction = self.at.frame.to_world(wi_local).normalize();
         self.consistent(direction, wi_local).then_some(Next { direction, weight, pdf_per_sr })
     }

@@ -435,6 +435,11 @@ impl Bsdf for AtPigment<'_> {
     fn pdf(&self, wo: Vec3, wi: Vec3, lambda: &SampledWavelengths) -> f32 {
         self.for_wavelengths(lambda, |at| at.eval_and_pdf(wo, wi).1)
     }
+
+    /// The light that has been inside is nearly Lambertian; its departure from it is part of the rest.
+    fn diffuse(&self, side: Side, lambda: &SampledWavelengths) -> [SampledSpectrum; 2] {
+        self.for_wavelengths(lambda, |at| at.interior_diffuse(side))
+    }
 }
 
 impl Bsdf for TabulatedBsdf {
