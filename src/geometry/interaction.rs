@@ -20,6 +20,14 @@ impl Side {
     pub fn of(w: Vec3) -> Self {
         if w.z >= 0.0 { Side::Adaxial } else { Side::Abaxial }
     }
+
+    /// The other one.
+    pub fn other(self) -> Self {
+        match self {
+            Side::Adaxial => Side::Abaxial,
+            Side::Abaxial => Side::Adaxial,
+        }
+    }
 }
 
 /// A hit. Normals point to the adaxial side, whichever side the ray came from.

@@ -6,12 +6,14 @@
 
 mod direct;
 
+pub mod hybrid;
 pub mod path;
 pub mod radiosity;
 pub mod raytrace;
 pub mod render;
 pub mod shade;
 
+pub use hybrid::{Hybrid, IndirectLight};
 pub use path::Path;
 pub use raytrace::Raytrace;
 pub use render::{NoProgress, Progress, RenderSettings, Rendered, render};

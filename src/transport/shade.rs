@@ -85,6 +85,11 @@ impl<'a> Shading<'a> {
         real * (wi_local.z * self.wo_local.z) > 0.0
     }
 
+    /// The viewer's side.
+    pub(super) fn side(&self) -> Side {
+        Side::of(self.wo_local)
+    }
+
     /// Is the value an estimate from walks through cells?
     pub(super) fn is_walk(&self) -> bool {
         matches!(self.model, Model::Cells(_))
@@ -121,7 +126,7 @@ impl<'a> Shading<'a> {
     /// The diffuse part D of the BSDF, `f = D / pi + S`: shares of the light on a side that leave towards the viewer, of the
     /// viewer's own side and of the other.
     pub(super) fn diffuse(&self, lambda: &SampledWavelengths) -> [SampledSpectrum; 2] {
-        let side = Side::of(self.wo_local);
+        let side = self.side();
         match &self.model {
             Model::Bsdf(bsdf) => bsdf.diffuse(side, lambda),
             Model::Tabulated(petal) => petal.diffuse(side, lambda),
@@ -208,3 +213,6 @@ impl<'a> Shading<'a> {
         self.consistent(direction, wi_local).then_some(Next { direction, weight, pdf_per_sr })
     }
 }
+
+#[cfg(test)]
+mod tests;
