@@ -1,11 +1,14 @@
 //! Scenes whose light has a closed form, rendered by the path tracer.
 
+use std::sync::Arc;
+
 use glam::{UVec2, Vec2, Vec3};
 use rosarium::math::Sampler;
 use rosarium::math::stats::Welford;
 use rosarium::scene::{MemoryAssets, Scene, SceneDescription, compile, load};
 use rosarium::spectrum::SampledWavelengths;
-use rosarium::transport::{Integrator, Path, PixelRay, Raytrace};
+use rosarium::transport::radiosity::{Radiosity, RadiositySettings, solve};
+use rosarium::transport::{Hybrid, Integrator, NoProgress, Path, PixelRay, RadiosityView, Raytrace};
 
 const PATH: Path = Path { max_depth: 10_000, min_depth: 4 };
 
@@ -73,28 +76,56 @@ fn closed_furnace() {
     }
 }
 
+/// `hybrid` and `radiosity` from one small solution.
+fn solved(scene: &Scene, elements: u32) -> (Hybrid<Arc<Radiosity>>, RadiosityView) {
+    let settings = RadiositySettings { elements, ..RadiositySettings::default() };
+    let solution = Arc::new(solve(scene, &[450.0, 650.0], &settings, &mut Vec::new(), &NoProgress).unwrap());
+    assert!(solution.converged(), "{}", solution.residual());
+    let hybrid = Hybrid { solution: solution.clone(), max_depth: 10_000, near: 1.0 };
+    (hybrid, RadiosityView { solution })
+}
+
+/// A closed room with six tilted translucent sheets in it; all glow with radiance 1.
+fn sheets_in_a_furnace(r: f64, t: f64) -> Scene {
+    let glow = r#"emission = { radiance = 1, two_sided = true, spectrum = { illuminant = "E" } }"#;
+    let sheets: String = (0..6)
+        .map(|k| {
+            format!(
+                "[shapes.sheet{k}]\ntype = \"quad\"\nwidth_mm = 40\nheight_mm = 30\nmaterial = \"sheet\"\n\
+                 position_mm = [{}, {}, {}]\nrotation_deg = [{}, {}, 0]\n{glow}\n",
+                3 * k - 9,
+                5 - 2 * k,
+                6 * k - 16,
+                17 * k,
+                31 * k
+            )
+        })
+        .collect();
+    let material = format!(
+        "[materials.sheet]\ntype = \"diffuse\"\nreflectance_adaxial = {r}\ntransmittance = {t}\n{sheets}"
+    );
+    furnace(r + t, &material)
+}
+
+#[test]
+fn view_of_a_furnace() {
+    for (r, t) in [(0.1, 0.1), (0.5, 0.3)] {
+        let scene = sheets_in_a_furnace(r, t);
+        let (hybrid, view) = solved(&scene, 1000);
+        let exact = 1.0 / (1.0 - r - t);
+        let eye = Vec3::new(3.0, -4.0, 25.0);
+        // Where sheets cut the walls an element is half in the light and half not: 0.5 % of the mean.
+        assert_near(&light(&scene, &hybrid, eye, around, 5_000), exact, 2e-3);
+        assert_near(&light(&scene, &view, eye, around, 5_000), exact, 5e-3);
+    }
+}
+
 #[test]
 fn closed_furnace_with_translucent_sheets() {
     for (r, t) in [(0.1, 0.1), (0.2, 0.3), (0.5, 0.3)] {
         let albedo = r + t;
-        let glow = r#"emission = { radiance = 1, two_sided = true, spectrum = { illuminant = "E" } }"#;
-        let sheets: String = (0..6)
-            .map(|k| {
-                format!(
-                    "[shapes.sheet{k}]\ntype = \"quad\"\nwidth_mm = 40\nheight_mm = 30\nmaterial = \"sheet\"\n\
-                     position_mm = [{}, {}, {}]\nrotation_deg = [{}, {}, 0]\n{glow}\n",
-                    3 * k - 9,
-                    5 - 2 * k,
-                    6 * k - 16,
-                    17 * k,
-                    31 * k
-                )
-            })
-            .collect();
-        let material = format!(
-            "[materials.sheet]\ntype = \"diffuse\"\nreflectance_adaxial = {r}\ntransmittance = {t}\n{sheets}"
-        );
-        let got = light(&furnace(albedo, &material), &PATH, Vec3::new(3.0, -4.0, 25.0), around, 20_000);
+        let scene = sheets_in_a_furnace(r, t);
+        let got = light(&scene, &PATH, Vec3::new(3.0, -4.0, 25.0), around, 20_000);
         assert_near(&got, 1.0 / (1.0 - albedo), 0.0);
     }
 }
@@ -125,6 +156,13 @@ fn two_parallel_translucent_sheets() {
     // From between the sheets, looking down.
     let got = light(&scene, &PATH, Vec3::new(1.0, 2.0, 0.5), down, 100_000);
     assert_near(&got, u, 1e-3);
+    // The same by radiosity. Its elements are far wider than the gap: the hybrid must not trace through all of them.
+    let (mut hybrid, view) = solved(&scene, 200);
+    hybrid.near = 0.0;
+    for (eye, exact) in [(Vec3::new(1.0, 2.0, 10.0), r1 + t1 * u), (Vec3::new(1.0, 2.0, 0.5), u)] {
+        assert_near(&light(&scene, &hybrid, eye, down, 50_000), exact, 2e-3);
+        assert_near(&light(&scene, &view, eye, down, 10), exact, 2e-2);
+    }
 }
 
 #[test]

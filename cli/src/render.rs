@@ -10,7 +10,7 @@ use rosarium::scene::description::{IntegratorName, PetalDescription};
 use rosarium::scene::{
     self, DEFAULT_SCENE, DEFAULT_SCENE_NAME, Loaded, Override, Scene, SceneDescription, load,
 };
-use rosarium::transport::{self, Integrator, RenderSettings};
+use rosarium::transport::{self, Prepared, RenderSettings};
 use rosarium::{Error, Result, io};
 
 use crate::assets::CachedAssets;
@@ -51,8 +51,9 @@ pub(crate) struct Args {
     /// Part of the picture, as fractions of its width and height from the top left.
     #[arg(long, value_name = "X0,X1,Y0,Y1", allow_hyphen_values = true, value_parser = parse_crop)]
     crop: Option<Crop>,
-    /// How light is transported: all of it (path), or direct light only as in the thesis (raytrace).
-    #[arg(long, value_name = "NAME", value_parser = named::<IntegratorName>(&["path", "raytrace"]))]
+    /// How light is transported: all of it, without bias (path); direct light only, as in the thesis (raytrace); diffuse
+    /// light among petals only (radiosity); rays joined to radiosity (hybrid).
+    #[arg(long, value_name = "NAME", value_parser = named::<IntegratorName>(&["path", "raytrace", "radiosity", "hybrid"]))]
     integrator: Option<IntegratorName>,
     /// Exposure of the PNG in stops, instead of the scene's.
     #[arg(long, value_name = "EV", allow_negative_numbers = true, value_parser = parse_exposure)]
@@ -125,10 +126,11 @@ pub(crate) fn run(args: &Args, global: Global) -> Result<Outcome> {
     };
     let settings = RenderSettings { spp: scene.render.spp, seed: scene.render.seed, crop };
 
+    let prepared = prepare(&scene)?;
     let started = Instant::now();
     let rendered = {
         let bar = Bar::new("render");
-        transport::render(&scene, integrator(&scene).as_ref(), &settings, &bar)?
+        transport::render(&scene, prepared.integrator.as_ref(), &settings, &bar)?
     };
     let seconds = started.elapsed().as_secs_f64();
 
@@ -159,7 +161,8 @@ pub(crate) fn run(args: &Args, global: Global) -> Result<Outcome> {
     );
     progress::say(global, &summary);
     if rendered.complete {
-        return Ok(Outcome::Done);
+        let converged = prepared.solution.is_none_or(|s| s.converged());
+        return Ok(if converged { Outcome::Done } else { Outcome::CheckFailed });
     }
     let pixels = u64::from(crop.width()) * u64::from(crop.height());
     let mean = rendered.samples as f64 / pixels as f64;
@@ -223,13 +226,27 @@ fn read_petal(argument: &str, define: &[Override]) -> Result<PetalDescription> {
     Ok(petal)
 }
 
-fn integrator(scene: &Scene) -> Box<dyn Integrator> {
-    match scene.render.integrator {
-        IntegratorName::Path => {
-            Box::new(transport::Path { max_depth: scene.render.max_depth, min_depth: scene.render.min_depth })
-        }
-        IntegratorName::Raytrace => Box::new(transport::Raytrace),
+/// The scene's integrator, with the light among petals where that is asked for.
+fn prepare(scene: &Scene) -> Result<Prepared> {
+    let started = Instant::now();
+    let mut warnings = Vec::new();
+    let prepared = {
+        let bar = Bar::new("light");
+        transport::prepare(scene, &mut warnings, &bar)?
+    };
+    for warning in warnings {
+        tracing::warn!("{warning}");
     }
+    if let Some(solution) = &prepared.solution {
+        tracing::info!(
+            elements = solution.elements().len(),
+            orders = solution.orders(),
+            residual = solution.residual(),
+            seconds = started.elapsed().as_secs_f32(),
+            "light among petals"
+        );
+    }
+    Ok(prepared)
 }
 
 fn encode(format: &str, film: &Film, scene: &Scene, metadata: &io::exr::Metadata) -> Result<Vec<u8>> {

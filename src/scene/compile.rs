@@ -210,6 +210,13 @@ fn check_render(render: &RenderDescription) -> Result<()> {
     let key = Key::new("render");
     key.at("spp").within(render.spp, 1.., "at least 1")?;
     key.at("max_depth").within(render.max_depth, 1..=100_000, "within 1 to 100000")?;
+    let (key, r) = (key.at("radiosity"), &render.radiosity);
+    for (name, value) in [("elements", r.elements), ("rays", r.rays), ("light_samples", r.light_samples)] {
+        key.at(name).within(value, 1..=50_000_000, "within 1 to 5e7")?;
+    }
+    key.at("wavelengths").within(r.wavelengths, 2..=401, "within 2 to 401")?;
+    key.at("residual").within(r.residual, 1e-12..=0.999, "within 1e-12 to 0.999")?;
+    key.at("near").within(r.near, 0.0..=1e6, "within 0 to 1e6")?;
     Ok(())
 }
 

@@ -1,7 +1,7 @@
 //! Ray tracing joined to radiosity, each light path counted once.
 //!
 //! Model: light that goes from surface to surface without a preferred direction is smooth and is taken from a solution
-//! ([`IndirectLight`], in practice [`Radiosity`](super::radiosity::Radiosity)); all that is sharp is traced: lights seen
+//! ([`IndirectLight`], in practice [`Radiosity`]); all that is sharp is traced: lights seen
 //! directly, direct light with its shadows, cells, highlights. The BSDF is `f = D / pi + S`, a diffuse part and the rest
 //! ([`crate::bsdf::Bsdf::diffuse`]). At the first surface the whole of f sends one ray on, to gather. What that ray meets
 //! sends light by
@@ -43,6 +43,7 @@ use std::f32::consts::FRAC_1_PI;
 use std::sync::Arc;
 
 use super::direct::{Came, Onward, dimension_of, first_lights, meet, one_light, survives};
+use super::radiosity::Radiosity;
 use super::shade::Shading;
 use super::{Incident, Integrator, PixelRay};
 use crate::geometry::{Interaction, Side};
@@ -57,6 +58,16 @@ pub trait IndirectLight: Sync {
 
     /// Length on the surface within which the solution knows no detail, mm.
     fn resolution_mm(&self, at: &Interaction) -> f32;
+}
+
+impl IndirectLight for Radiosity {
+    fn indirect(&self, at: &Interaction, side: Side, lambda: &SampledWavelengths) -> SampledSpectrum {
+        Radiosity::indirect(self, at, side, lambda)
+    }
+
+    fn resolution_mm(&self, at: &Interaction) -> f32 {
+        self.elements().hit(at).map_or(0.0, |e| self.elements().list()[e as usize].area_mm2.sqrt())
+    }
 }
 
 impl<T: IndirectLight + Send> IndirectLight for Arc<T> {

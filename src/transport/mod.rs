@@ -9,12 +9,16 @@ mod direct;
 pub mod hybrid;
 pub mod path;
 pub mod radiosity;
+pub mod radiosity_view;
+pub mod prepare;
 pub mod raytrace;
 pub mod render;
 pub mod shade;
 
 pub use hybrid::{Hybrid, IndirectLight};
 pub use path::Path;
+pub use prepare::{Prepared, prepare};
+pub use radiosity_view::RadiosityView;
 pub use raytrace::Raytrace;
 pub use render::{NoProgress, Progress, RenderSettings, Rendered, render};
 

@@ -6,7 +6,7 @@ use glam::UVec2;
 use rosarium::film::PixelRect;
 use rosarium::io::exr::{Channels, Plane, write_channels};
 use rosarium::scene::{MemoryAssets, Override, Scene, SceneDescription, compile, load};
-use rosarium::transport::{Integrator, Path, Raytrace, RenderSettings};
+use rosarium::transport::{Integrator, NoProgress, RenderSettings, prepare};
 
 /// A scene file with overrides such as `film.width=8`.
 pub(crate) fn describe(text: &str, overrides: &[&str]) -> SceneDescription {
@@ -21,13 +21,7 @@ pub(crate) fn scene_with(text: &str, overrides: &[&str], assets: &MemoryAssets) 
 
 /// The integrator that a scene asks for.
 pub(crate) fn integrator(scene: &Scene) -> Box<dyn Integrator> {
-    use rosarium::scene::description::IntegratorName;
-    match scene.render.integrator {
-        IntegratorName::Path => {
-            Box::new(Path { max_depth: scene.render.max_depth, min_depth: scene.render.min_depth })
-        }
-        IntegratorName::Raytrace => Box::new(Raytrace),
-    }
+    prepare(scene, &mut Vec::new(), &NoProgress).unwrap_or_else(|e| panic!("{e}")).integrator
 }
 
 /// Settings of a scene's whole picture.

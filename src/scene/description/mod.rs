@@ -11,6 +11,7 @@ mod film;
 mod light;
 mod material;
 mod petal;
+mod radiosity;
 mod shape;
 
 use std::collections::BTreeMap;
@@ -32,6 +33,7 @@ pub use petal::{
     GradientDescription, LayerDescription, PetalDescription, ShadingDescription, ShadingModel,
     TransmissionDescription,
 };
+pub use radiosity::RadiosityDescription;
 pub use shape::{
     DiscShape, MeshShape, Placement, QuadShape, RoseMaterials, RoseShape, ShapeDescription, SphereShape,
 };
@@ -68,6 +70,11 @@ pub enum IntegratorName {
     Path,
     /// The thesis' ray tracing: direct light, and shadows that petals attenuate; no interreflection.
     Raytrace,
+    /// The radiosity solution itself: diffuse interreflection and transmission, without cells and highlights.
+    Radiosity,
+    /// Ray tracing for direct light, cells and highlights, and a final gather from the radiosity solution for the light
+    /// among petals.
+    Hybrid,
 }
 
 /// `[render]`: how the picture is computed.
@@ -84,11 +91,20 @@ pub struct RenderDescription {
     pub max_depth: u32,
     /// Scattering events before Russian roulette may end a path. Default 4.
     pub min_depth: u32,
+    /// The light among petals, for `radiosity` and `hybrid`.
+    pub radiosity: RadiosityDescription,
 }
 
 impl Default for RenderDescription {
     fn default() -> Self {
-        Self { integrator: IntegratorName::Path, spp: 64, seed: 0, max_depth: 32, min_depth: 4 }
+        Self {
+            integrator: IntegratorName::Path,
+            spp: 64,
+            seed: 0,
+            max_depth: 32,
+            min_depth: 4,
+            radiosity: RadiosityDescription::default(),
+        }
     }
 }
 
