@@ -177,13 +177,8 @@ pub(super) fn one_light(
     }
 }
 
-/// Russian roulette with the path's throughput: does it go on? What goes on carries the light of what does not.
-pub(super) fn survives(throughput: &mut SampledSpectrum, u: f32) -> bool {
+/// Probability of going on in Russian roulette: the path's throughput. What goes on is divided by it.
+pub(super) fn survival(throughput: &SampledSpectrum) -> f32 {
     // A rest may be negative.
-    let survive = throughput.map(f32::abs).max().min(MAX_SURVIVAL);
-    if u >= survive {
-        return false;
-    }
-    *throughput *= 1.0 / survive;
-    true
+    throughput.map(f32::abs).max().min(MAX_SURVIVAL)
 }

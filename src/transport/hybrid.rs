@@ -26,6 +26,9 @@
 //! warned of. N: a surface met within `near` times the solution's resolution there is one that the solution does not
 //! resolve; it sends light on by all of f, as the first surface does, and has no D.
 //!
+//! Next to a glowing shape the ray onward is drawn from all of f, for the light that it meets, and carries S only for what
+//! else it meets; elsewhere it is drawn from S, and there is none where S is zero.
+//!
 //! | symbol | field | unit | default |
 //! |---|---|---|---|
 //! | E_ind | `solution` | irradiance | none |
@@ -42,10 +45,12 @@
 use std::f32::consts::FRAC_1_PI;
 use std::sync::Arc;
 
-use super::direct::{Came, Onward, dimension_of, first_lights, meet, one_light, survives};
+use super::direct::{Came, Onward, dimension_of, first_lights, meet, one_light, survival};
 use super::radiosity::Radiosity;
 use super::shade::Shading;
 use super::{Incident, Integrator, PixelRay};
+use glam::Vec3;
+
 use crate::geometry::{Interaction, Side};
 use crate::math::Sampler;
 use crate::scene::{Drawing, Scene};
@@ -81,7 +86,7 @@ impl<T: IndirectLight + Send> IndirectLight for Arc<T> {
 }
 
 /// Ray tracing with a final gather from a solution of the indirect light.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Hybrid<T> {
     /// Where the diffuse light comes from.
     pub solution: T,
@@ -89,9 +94,27 @@ pub struct Hybrid<T> {
     pub max_depth: u32,
     /// Surfaces nearer than this many lengths of the solution's resolution are traced through.
     pub near: f32,
+    /// Corners of the boxes around glowing shapes, as wide again as the shape is: in there its light is a large part of the
+    /// hemisphere, and points drawn on it alone would give noise without bound.
+    glowing: Vec<(Vec3, Vec3)>,
 }
 
 impl<T: IndirectLight> Hybrid<T> {
+    /// For the scene of the solution.
+    pub fn new(scene: &Scene, solution: T, max_depth: u32, near: f32) -> Self {
+        let glowing = scene.shapes.iter().filter(|s| s.emitter.is_some()).map(|s| {
+            let (low, high) = s.mesh.bounds();
+            let around = Vec3::splat((high - low).length());
+            (low - around, high + around)
+        });
+        Self { solution, max_depth, near, glowing: glowing.collect() }
+    }
+
+    /// Is the point next to something that glows?
+    fn beside_a_light(&self, p: Vec3) -> bool {
+        self.glowing.iter().any(|(low, high)| p.cmpge(*low).all() && p.cmple(*high).all())
+    }
+
     /// Light that the diffuse part of the surface sends to the viewer, of what comes from other surfaces.
     fn gathered(&self, at: &Interaction, shading: &Shading, lambda: &SampledWavelengths) -> SampledSpectrum {
         let [reflected, transmitted] = shading.diffuse(lambda);
@@ -116,18 +139,20 @@ impl<T: IndirectLight> Integrator for Hybrid<T> {
     ) -> Incident {
         let mut result = Incident::default();
         let mut ray = pixel.ray;
+        // What the path brings of a surface, and of a light that it meets: the same, but where `Rest` goes on by the whole BSDF.
         let mut throughput = SampledSpectrum::ONE;
+        let mut of_lights = SampledSpectrum::ONE;
         let mut came = Came::Camera;
         let mut drawing = Drawing::One;
         for depth in 0..=self.max_depth {
             let (light, at) = meet(scene, &ray, came, drawing, lambda);
             let sum = if depth <= 1 { &mut result.direct } else { &mut result.indirect };
-            *sum += throughput * light;
+            *sum += of_lights * light;
             let Some(at) = at else { break };
             if depth == 0 {
                 result.first = Some(at);
             }
-            if depth == self.max_depth {
+            if depth == self.max_depth || throughput.is_zero() {
                 break;
             }
 
@@ -136,14 +161,18 @@ impl<T: IndirectLight> Integrator for Hybrid<T> {
                 Shading::new(scene, at, -ray.direction, lambda, (depth == 0).then_some(pixel), points);
             let dimension = dimension_of(depth);
             let mut onward = Onward::Whole;
+            let mut rest_only = false;
             if depth == 0 {
                 let (light, how) = first_lights(scene, &at, &shading, lambda, sampler);
                 result.direct += light;
                 drawing = how;
             } else {
                 if at.t >= self.near * self.solution.resolution_mm(&at) {
-                    onward = Onward::Rest;
                     result.indirect += throughput * self.gathered(&at, &shading, lambda);
+                    rest_only = true;
+                    if shading.is_walk() || !self.beside_a_light(at.p) {
+                        onward = Onward::Rest;
+                    }
                 }
                 let light = one_light(scene, &at, &shading, onward, dimension, lambda, sampler);
                 result.indirect += throughput * light;
@@ -156,13 +185,23 @@ impl<T: IndirectLight> Integrator for Hybrid<T> {
                 Onward::Rest => shading.sample_rest(lambda, sampler),
             };
             let Some(next) = next else { break };
-            throughput *= next.weight;
+            of_lights = throughput * next.weight;
+            throughput = match (rest_only, onward, next.pdf_per_sr) {
+                (true, Onward::Whole, Some(pdf_per_sr)) => {
+                    let (rest, _) = shading.eval_rest(next.direction, lambda, sampler);
+                    throughput * rest * (1.0 / pdf_per_sr)
+                }
+                _ => of_lights,
+            };
             // The first surface always gathers: its light is most of the picture.
             if depth > 0 {
                 sampler.start_dimension(dimension + 6);
-                if !survives(&mut throughput, sampler.next_1d()) {
+                let survive = survival(&of_lights);
+                if sampler.next_1d() >= survive {
                     break;
                 }
+                of_lights *= 1.0 / survive;
+                throughput *= 1.0 / survive;
             }
             came = next.pdf_per_sr.map_or(Came::Walk, Came::Density);
             ray = Scene::leave(&at, next.direction);

@@ -9,7 +9,7 @@
 //!
 //! Guarded by the furnace and sheet tests of `tests/analytic.rs`.
 
-use super::direct::{Came, Onward, dimension_of, first_lights, meet, one_light, survives};
+use super::direct::{Came, Onward, dimension_of, first_lights, meet, one_light, survival};
 use super::shade::Shading;
 use super::{Incident, Integrator, PixelRay};
 use crate::math::Sampler;
@@ -70,9 +70,11 @@ impl Integrator for Path {
             throughput *= next.weight;
             if depth + 1 >= self.min_depth {
                 sampler.start_dimension(dimension + 6);
-                if !survives(&mut throughput, sampler.next_1d()) {
+                let survive = survival(&throughput);
+                if sampler.next_1d() >= survive {
                     break;
                 }
+                throughput *= 1.0 / survive;
             }
             came = next.pdf_per_sr.map_or(Came::Walk, Came::Density);
             ray = Scene::leave(&at, next.direction);

@@ -63,7 +63,7 @@ pub fn prepare(scene: &Scene, warnings: &mut Vec<String>, progress: &dyn Progres
         IntegratorName::Hybrid => {
             let solution = solve()?;
             let near = render.radiosity.near as f32;
-            let integrator = Box::new(Hybrid { solution: solution.clone(), max_depth, near });
+            let integrator = Box::new(Hybrid::new(scene, solution.clone(), max_depth, near));
             Ok(Prepared { integrator, solution: Some(solution) })
         }
     }

@@ -33,6 +33,7 @@ fn still_life(petal: &str) -> Scene {
         &quad("sheet", "sheet", 60, "0, 10, 70", "-15, 5, 0"),
         "[lights.sky]\ntype = \"constant\"\nradiance = 0.3\n",
         "[lights.box]\ntype = \"area\"\nposition_mm = [80, -60, 120]\ntarget_mm = [0, 0, 20]\nwidth_mm = 100\nradiance = 4\n",
+        "[lights.lamp]\ntype = \"area\"\nposition_mm = [60, 40, 40]\ntarget_mm = [0, 20, 20]\nwidth_mm = 25\nradiance = 3\n",
         "[lights.sun]\ntype = \"distant\"\ndirection = [-0.5, -0.4, 1]\nirradiance = 1\n",
     ]
     .concat();
@@ -107,7 +108,7 @@ fn hybrid_with_exact_irradiance_is_path() {
     let lobes = "[petal.shading.transmission]\ndirect = 0.06\nindirect = 0.03\n";
     for (petal, near) in [(lobes, 0.0), (lobes, 1.5), (tabulated, 0.0)] {
         let scene = still_life(petal);
-        let hybrid = Hybrid { solution: Traced { scene: &scene, direct: false }, max_depth: 24, near };
+        let hybrid = Hybrid::new(&scene, Traced { scene: &scene, direct: false }, 24, near);
         // Where some surfaces are near, one thing tells.
         let things = if near > 0.0 { &THINGS[2..3] } else { &THINGS[..] };
         for &thing in things {
@@ -122,7 +123,7 @@ fn hybrid_with_exact_irradiance_is_path() {
 fn counting_direct_light_twice_is_found() {
     // The naive sum of ray tracing and radiosity: whole irradiance where only the indirect part belongs.
     let scene = still_life("");
-    let naive = Hybrid { solution: Traced { scene: &scene, direct: true }, max_depth: 24, near: 0.0 };
+    let naive = Hybrid::new(&scene, Traced { scene: &scene, direct: true }, 24, 0.0);
     for thing in THINGS {
         let (a, b) = (light(&scene, &naive, 8_000, thing), light(&scene, &PATH, 8_000, thing));
         let error = a.standard_error().hypot(b.standard_error());
@@ -147,7 +148,8 @@ impl IndirectLight for Even {
 fn lines_of_the_grammar() {
     let n = 12_000;
     let scene = still_life("");
-    let hybrid = |max_depth, near, value| Hybrid { solution: Even(value), max_depth, near };
+    let in_scene = |scene: &Scene, max_depth, near, value| Hybrid::new(scene, Even(value), max_depth, near);
+    let hybrid = |max_depth, near, value| in_scene(&scene, max_depth, near, value);
     let path = |max_depth| Path { max_depth, min_depth: 3 };
     for thing in THINGS {
         let by = |integrator: &dyn Integrator| light(&scene, integrator, n, thing);
@@ -167,6 +169,7 @@ fn lines_of_the_grammar() {
     let scene = compile(&description, &MemoryAssets::default()).unwrap();
     let thing = ("sheets", Vec3::new(0.0, 0.0, 50.0), 10.0);
     let by = |integrator: &dyn Integrator| light(&scene, integrator, 40_000, thing);
+    let hybrid = |max_depth, near, value| in_scene(&scene, max_depth, near, value);
     assert_same("E X X L", &by(&hybrid(24, 0.0, 0.0)), &by(&path(2)), 0.005);
     // E X D [E_ind]: from above, the other sheet is met through the first (0.4), and sends light back from both its
     // sides' irradiances: 0.4 (0.4 + 0.4) E / pi.
