@@ -29,6 +29,7 @@ impl RadiositySettings {
             max_orders,
             seed: render.seed,
             memory_bytes: memory_mib.saturating_mul(1 << 20),
+            ..Self::default()
         }
     }
 }
