@@ -66,25 +66,26 @@ pub(super) struct Lighting<'a> {
 }
 
 impl Lighting<'_> {
-    /// Direct light of both nodes of each of the elements, `chunks` values per node.
+    /// Direct light of both nodes of each of the elements, `chunks` values per node, from so many times the samples.
     pub(super) fn on(
         &self,
         elements: &Elements,
-        which: &[u32],
+        which: &[(u32, u32)],
         heard: &(dyn Fn(u64) + Sync),
     ) -> Vec<DirectLight> {
         let per_element = 2 * self.chunks.len();
         let mut out = vec![DirectLight::default(); which.len() * per_element];
-        out.par_chunks_mut(per_element).zip(which).for_each(|(out, element)| {
+        out.par_chunks_mut(per_element).zip(which).for_each(|(out, (element, times))| {
+            let samples = self.samples.saturating_mul(*times);
             let (adaxial, abaxial) = out.split_at_mut(self.chunks.len());
-            self.on_node(elements, *element, Side::Adaxial, adaxial);
-            self.on_node(elements, *element, Side::Abaxial, abaxial);
+            self.on_node(elements, *element, Side::Adaxial, samples, adaxial);
+            self.on_node(elements, *element, Side::Abaxial, samples, abaxial);
             heard(1);
         });
         out
     }
 
-    fn on_node(&self, elements: &Elements, element: u32, side: Side, out: &mut [DirectLight]) {
+    fn on_node(&self, elements: &Elements, element: u32, side: Side, samples: u32, out: &mut [DirectLight]) {
         let Self { scene, totals, chunks, .. } = *self;
         let lights = &scene.lights;
         let e = &elements.list()[element as usize];
@@ -93,7 +94,7 @@ impl Lighting<'_> {
         let sampled = |k: &usize| !(self.without_glow && matches!(lights.emitters()[*k], Emitter::Area(_)));
         let each = self.without_glow || lights.emitters().len() <= MAX_EACH;
         let number = node(element, side) as u32;
-        for i in 0..self.samples {
+        for i in 0..samples {
             let mut s = Sampler::new(self.seed, UVec2::new(number, SEQUENCE), i);
             let u_facet = s.next_1d();
             let at = elements.sample(scene, element, u_facet, s.next_2d());
@@ -127,6 +128,6 @@ impl Lighting<'_> {
                 take(&|lambda| lights.sample(at.p, u_pick, u, lambda));
             }
         }
-        out.iter_mut().for_each(|d| d.scale(1.0 / self.samples as f32));
+        out.iter_mut().for_each(|d| d.scale(1.0 / samples as f32));
     }
 }

@@ -226,7 +226,7 @@ fn runs(sorted: impl Iterator<Item = u32>) -> impl Iterator<Item = (u32, u32)> {
 
 /// The node at the end of each ray of a node.
 fn trace_node(scene: &Scene, elements: &Elements, node: u32, seed: u64, hits: &mut [u32]) {
-    let (element, up) = (node / 2, if node % 2 == 0 { 1.0 } else { -1.0 });
+    let (element, up) = (node / 2, if node.is_multiple_of(2) { 1.0 } else { -1.0 });
     for (r, hit) in hits.iter_mut().enumerate() {
         let mut s = Sampler::new(seed, UVec2::new(node, SEQUENCE), r as u32);
         let u_facet = s.next_1d();

@@ -61,6 +61,9 @@ const ROUNDS: u32 = 4;
 /// Elements are halved where direct light differs from a neighbour's by more than this share of the two and of the mean.
 const CHANGE: f32 = 0.1;
 
+/// Most times the samples of an element that gets much light.
+const MAX_TIMES: u32 = 32;
+
 /// How finely light is carried.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RadiositySettings {
@@ -381,9 +384,16 @@ fn refine(
 ) -> Result<(Elements, Vec<Vec<u32>>, Vec<DirectLight>)> {
     let chunks = lighting.chunks.len();
     let mut elements = Elements::new(scene, facets, wanted.div_ceil(2));
+    let once = |which: &[u32]| which.iter().map(|e| (*e, 1)).collect::<Vec<_>>();
     let all: Vec<u32> = (0..elements.len() as u32).collect();
     let heard = |n: u64| steps.add(n);
-    let mut light = lighting.on(&elements, &all, &heard);
+    let mut light = lighting.on(&elements, &once(&all), &heard);
+    let put = |light: &mut Vec<DirectLight>, which: &[(u32, u32)], found: &[DirectLight]| {
+        for ((e, _), values) in which.iter().zip(found.chunks(2 * chunks)) {
+            let first = *e as usize * 2 * chunks;
+            light[first..first + 2 * chunks].copy_from_slice(values);
+        }
+    };
     let mut beside = neighbours::neighbours(&elements);
     let mut looked_at = all;
     for _ in 0..ROUNDS {
@@ -399,19 +409,35 @@ fn refine(
         let changing: Vec<u32> = changing.into_iter().map(|c| c.1).collect();
         let new = elements.halve(scene, &changing);
         elements.describe(scene, &new);
-        let found = lighting.on(&elements, &new, &heard);
+        let found = lighting.on(&elements, &once(&new), &heard);
         light.resize(elements.len() * 2 * chunks, DirectLight::default());
-        for (e, values) in new.iter().zip(found.chunks(2 * chunks)) {
-            let first = *e as usize * 2 * chunks;
-            light[first..first + 2 * chunks].copy_from_slice(values);
-        }
+        put(&mut light, &once(&new), &found);
         beside = neighbours::neighbours(&elements);
         looked_at = new;
     }
+    let strong = strong(&elements, &light, chunks);
+    let found = lighting.on(&elements, &strong, &|_| ());
+    put(&mut light, &strong, &found);
     if steps.progress.cancelled() {
         return Err(Error::Cancelled);
     }
     Ok((elements, beside, light))
+}
+
+/// Elements that get more of the direct light than the mean one, with how many times as much (at most `MAX_TIMES`): as
+/// many times the samples go there, so that the sum of all light is known better than that of one element.
+fn strong(elements: &Elements, light: &[DirectLight], chunks: usize) -> Vec<(u32, u32)> {
+    let power: Vec<f64> = light
+        .chunks(2 * chunks)
+        .zip(elements.list())
+        .map(|(l, e)| l.iter().map(|d| f64::from(d.incident.mean())).sum::<f64>() * f64::from(e.area_mm2))
+        .collect();
+    let mean = power.iter().sum::<f64>() / power.len().max(1) as f64;
+    (0u32..)
+        .zip(&power)
+        .map(|(e, p)| (e, (p / mean.max(1e-300)).min(f64::from(MAX_TIMES)) as u32))
+        .filter(|(_, times)| *times > 1)
+        .collect()
 }
 
 /// Elements where direct light changes to a neighbour, the most first: change and element.

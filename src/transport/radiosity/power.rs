@@ -13,7 +13,7 @@
 //! This is counted at the lights, independently of the light that arrives at the nodes; the energy ledger sets the two
 //! side by side. Guarded by `power_arrives_or_escapes`. Source: definitions of radiance and intensity.
 
-use glam::UVec2;
+use glam::{UVec2, Vec2};
 use rayon::prelude::*;
 
 use crate::math::Sampler;
@@ -32,6 +32,16 @@ pub(super) struct Power {
     pub(super) emitted: Vec<[f64; LANES]>,
     /// ... of which meets nothing.
     pub(super) escaped: Vec<[f64; LANES]>,
+}
+
+/// Point `i` of a sequence that is even in all four dimensions together, which two and two of them would not be: whether a
+/// ray meets something hangs on all four. Additive recurrence by the powers of 1 / g, where g^5 = g + 1 (Roberts 2018).
+fn point(start: [Vec2; 2], i: u32) -> [Vec2; 2] {
+    const G: f64 = 1.167_303_978_261_418_7;
+    let at = |start: f32, k: i32| {
+        ((f64::from(start) + f64::from(i) * G.powi(-k)).fract() as f32).min(0.999_999_94)
+    };
+    [Vec2::new(at(start[0].x, 1), at(start[0].y, 2)), Vec2::new(at(start[1].x, 3), at(start[1].y, 4))]
 }
 
 /// Shoots `rays` from every light; `without_glow` leaves out the rays, though not the power, of glowing surfaces.
@@ -57,13 +67,14 @@ pub(super) fn power(
         if without_glow && matches!(scene.lights.emitters()[light], Emitter::Area(_)) {
             continue;
         }
+        let mut s = Sampler::new(seed, UVec2::new(light as u32, SEQUENCE), 0);
+        let start = [s.next_2d(), s.next_2d()];
         let batches: Vec<_> = (0..rays.div_ceil(BATCH))
             .into_par_iter()
             .map(|batch| {
                 let mut sum = none.clone();
                 for i in batch * BATCH..((batch + 1) * BATCH).min(rays) {
-                    let mut s = Sampler::new(seed, UVec2::new(light as u32, SEQUENCE), i);
-                    let u = [s.next_2d(), s.next_2d()];
+                    let u = point(start, i);
                     let Some((ray, _)) = scene.lights.emit(light, sphere, u, &chunks[0]) else { continue };
                     if scene.bvh.occluded(&ray) {
                         continue;
