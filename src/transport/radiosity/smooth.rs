@@ -8,9 +8,17 @@
 //! l_e  = the largest factor up to one that keeps E within the neighbours' range as far as the element reaches
 //! ```
 //!
-//! in the element's plane. The mean over the element stays E_e, so no light is made or lost, and a linear course of light
+//! in the element's plane. Before that, the noise of the form factors is evened out by `STEPS` steps of diffusion between
+//! neighbours, which keeps the sum of all light and leaves a linear course of it as it is:
+//!
+//! ```text
+//! A_e dE_e = sum over n of w_en (E_n - E_e),   w_en = w_ne = min(A_e, A_n) / (2 max(their numbers of neighbours))
+//! ```
+//!
+//!  The mean over the element stays E_e, so no light is made or lost, and a linear course of light
 //! is met exactly. Neighbours lie on the same piece of surface ([`super::neighbours`]): light does not leak along a line
-//! where two sheets touch. Guarded by `linear_light_is_met`, `light_stays_in_its_neighbours_range`. Source: limited
+//! where two sheets touch. Guarded by `linear_light_is_met`, `light_stays_in_its_neighbours_range`,
+//! `diffusion_keeps_the_light`. Source: limited
 //! linear reconstruction, Barth and Jespersen 1989, AIAA 89-0366.
 
 use glam::{Vec2, Vec3};
@@ -19,6 +27,9 @@ use rayon::prelude::*;
 use super::elements::{Element, Elements};
 use crate::math::Frame;
 use crate::spectrum::{LANES, SampledSpectrum};
+
+/// Steps of diffusion.
+const STEPS: usize = 2;
 
 /// Slopes of the light of every node, in the element's plane.
 #[derive(Debug)]
@@ -36,6 +47,42 @@ fn plane(e: &Element) -> Frame {
 fn offset(frame: &Frame, e: &Element, p: Vec3) -> Vec2 {
     let d = p - e.centre;
     Vec2::new(frame.s.dot(d), frame.t.dot(d))
+}
+
+/// Light of every node after [`STEPS`] of diffusion.
+pub(super) fn even_out(
+    elements: &Elements,
+    neighbours: &[Vec<u32>],
+    mut values: Vec<SampledSpectrum>,
+    chunks: usize,
+) -> Vec<SampledSpectrum> {
+    let list = elements.list();
+    let mut mutual: Vec<Vec<u32>> = neighbours.to_vec();
+    for (e, beside) in neighbours.iter().enumerate() {
+        for n in beside {
+            if !neighbours[*n as usize].contains(&(e as u32)) {
+                mutual[*n as usize].push(e as u32);
+            }
+        }
+    }
+    for _ in 0..STEPS {
+        let before = &values;
+        let after: Vec<SampledSpectrum> = (0..before.len())
+            .into_par_iter()
+            .with_min_len(1024)
+            .map(|i| {
+                let (e, rest) = (i / (2 * chunks), i % (2 * chunks));
+                mutual[e].iter().fold(before[i], |sum, n| {
+                    let n = *n as usize;
+                    let most = mutual[e].len().max(mutual[n].len()) as f32;
+                    let share = (list[n].area_mm2 / list[e].area_mm2).min(1.0) / (2.0 * most);
+                    sum + (before[n * 2 * chunks + rest] - before[i]) * share
+                })
+            })
+            .collect();
+        values = after;
+    }
+    values
 }
 
 impl Slopes {
@@ -171,6 +218,27 @@ mod tests {
             seen += 1;
         }
         assert!(seen > 50, "{seen}");
+    }
+
+    #[test]
+    fn diffusion_keeps_the_light() {
+        let (elements, beside) = floor();
+        let value = |k: usize| SampledSpectrum::splat(1.0 + ((k * 7919) % 13) as f32);
+        let values: Vec<SampledSpectrum> = (0..2 * elements.len()).map(value).collect();
+        let after = even_out(&elements, &beside, values.clone(), 1);
+        let moments = |values: &[SampledSpectrum]| {
+            let weigh = |f: &dyn Fn(f64) -> f64| {
+                values
+                    .iter()
+                    .enumerate()
+                    .map(|(n, v)| f(v[0].into()) * f64::from(elements.list()[n / 2].area_mm2))
+                    .sum::<f64>()
+            };
+            (weigh(&|v| v), weigh(&|v| v * v))
+        };
+        let ((sum, squares), (sum_after, squares_after)) = (moments(&values), moments(&after));
+        assert!((sum_after / sum - 1.0).abs() < 1e-5, "{sum} {sum_after}");
+        assert!(squares_after < 0.85 * squares, "{squares} {squares_after}");
     }
 
     #[test]
