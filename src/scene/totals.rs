@@ -17,7 +17,7 @@
 //! | petal of cells | the parts above in closed form; what its domes send back is measured by walks | [`MaterialTotals::standard_error`] |
 //!
 //! Walks: 2048 per incidence and eight wavelengths, at 16 cosines, all azimuths together, the same random numbers at
-//! every wavelength; never more than the domes' surface reflects at once. About 0.2 s for 32 wavelengths.
+//! every wavelength; never more than the domes' surface reflects at once. Below half a second for 32 wavelengths.
 //!
 //! The textbook's Phong is not reciprocal, and light at grazing incidence comes back from it without bound; its total here
 //! is that of the other way, what a viewer gets from white surroundings. Their hemispherical means are the same.

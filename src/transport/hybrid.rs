@@ -35,6 +35,9 @@
 //! | most scatterings that are traced | `max_depth` | | `render.max_depth` |
 //! | | `near` | lengths of an element | 1 |
 //!
+//! On the default scene, 8000 elements, the mean of the picture is that of `path` to 0.04 %; with diffuse petals (20000 elements)
+//! to 0.2 %, which is the noise of 64 samples per pixel.
+//!
 //! Limits: inside the solution the rest S is carried as diffuse light of the same total, and E_ind has the error of the
 //! solution; both are seen through two scatterings at least. E_ind has all orders, whatever `max_depth` is. With an exact
 //! E_ind the picture is that of `path` (`hybrid_with_exact_irradiance_is_path`); each line of the grammar by itself

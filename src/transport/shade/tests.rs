@@ -97,10 +97,8 @@ fn rest_is_drawn_as_it_is_estimated() {
             let mut found = [0.0; 4];
             if let Some(next) = shading.sample_rest(lambda, &mut sampler) {
                 let g = integrands(next.direction);
-                for k in 0..4 {
-                    terms[k] += g[k] * mean(next.weight);
-                    found[k] = g[k];
-                }
+                terms.iter_mut().zip(g).for_each(|(t, g)| *t += g * mean(next.weight));
+                found = g;
             }
             split.iter_mut().zip(terms).for_each(|(w, t)| w.push(t));
             drawn.iter_mut().zip(found).for_each(|(w, t)| w.push(t));
