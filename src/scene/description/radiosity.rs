@@ -9,13 +9,14 @@ use crate::spectrum::VISIBLE_NM;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RadiosityDescription {
-    /// About how many elements at most, 1 to 5e7. Default 20000.
+    /// About how many elements at most, 1 to 5e7. Sheets that lie close together want elements as small
+    /// as the gap between them. Default 50000.
     pub elements: u32,
-    /// Rays from each side of an element to the others, 1 to 5e7. Default 128.
+    /// Rays from each side of an element to the others, 1 to 5e7. Default 32.
     pub rays: u32,
-    /// Samples of every light for each side of an element, 1 to 5e7. Default 64.
+    /// Samples of every light for each side of an element, 1 to 5e7. Default 32.
     pub light_samples: u32,
-    /// Wavelengths at which the light is solved for, evenly over 380 to 780 nm, 2 to 401. Default 32.
+    /// Wavelengths at which the light is solved for, evenly over 380 to 780 nm, 2 to 401. Default 16.
     pub wavelengths: u32,
     /// Orders of scattering are added until this share of the direct light is still under way, between 0 and 1.
     /// Default 1e-5.
@@ -32,10 +33,10 @@ pub struct RadiosityDescription {
 impl Default for RadiosityDescription {
     fn default() -> Self {
         Self {
-            elements: 20_000,
-            rays: 128,
-            light_samples: 64,
-            wavelengths: 32,
+            elements: 50_000,
+            rays: 32,
+            light_samples: 32,
+            wavelengths: 16,
             residual: 1e-5,
             max_orders: 1000,
             near: 1.0,
