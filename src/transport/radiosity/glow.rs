@@ -8,7 +8,7 @@
 //! E_n = sum over m of F_nm pi L_m        pi L: radiosity of a side that glows with radiance L
 //! ```
 //!
-//! and it counts as direct light all the same. Smaller lights are sampled ([`super::direct`]), since few rays find them.
+//! and it counts as direct light all the same. Smaller lights are sampled, since few rays find them.
 //! Guarded by `furnace_of_translucent_sheets`. Source: our reading.
 
 use std::f32::consts::PI;

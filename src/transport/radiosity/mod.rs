@@ -8,8 +8,8 @@
 //!
 //! for the two sides n, n' of each element ([`elements`]). Four parts, each near linear in the number of triangles or of
 //! elements: elements are halved from whole pieces of surface, twice as finely where direct light changes; direct light is
-//! sampled at them ([`direct`]); rays find the form factors, balanced so that no light is lost ([`exchange`]); Jacobi
-//! iteration adds the orders ([`solve`](mod@solve)). In between elements the light is linear ([`smooth`]).
+//! sampled at them; rays find the form factors, balanced so that no light is lost; Jacobi
+//! iteration adds the orders. In between elements the light is linear.
 //!
 //! | symbol | field | unit | default |
 //! |---|---|---|---|

@@ -16,7 +16,7 @@
 //! ```
 //!
 //!  The mean over the element stays E_e, so no light is made or lost, and a linear course of light
-//! is met exactly. Neighbours lie on the same piece of surface ([`super::neighbours`]): light does not leak along a line
+//! is met exactly. Neighbours lie on the same piece of surface: light does not leak along a line
 //! where two sheets touch. Guarded by `linear_light_is_met`, `light_stays_in_its_neighbours_range`,
 //! `diffusion_keeps_the_light`. Source: limited
 //! linear reconstruction, Barth and Jespersen 1989, AIAA 89-0366.
