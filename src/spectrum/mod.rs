@@ -11,6 +11,7 @@ pub mod table;
 pub mod spectra;
 pub mod observer;
 pub mod illuminant;
+pub mod band;
 pub mod color;
 pub mod object_color;
 pub mod rgb_basis;
@@ -18,6 +19,7 @@ pub mod upsample;
 pub mod pigment;
 pub mod pigments;
 
+pub use band::{Band, BandGrid};
 pub use illuminant::Illuminant;
 pub use observer::Observer;
 pub use pigments::Pigments;

@@ -87,6 +87,11 @@ impl Observer {
         lookup(matching, lambda_nm).map(|v| f64::from(v) * matching.y_integral_nm)
     }
 
+    /// Integral of y, nm: the width that an equal-energy spectrum of luminance 1 stands for.
+    pub fn y_integral_nm(self) -> f64 {
+        self.matching().y_integral_nm
+    }
+
     /// Unbiased estimate of XYZ from one path's radiance.
     pub fn xyz_from_samples(self, radiance: &SampledSpectrum, lambda: &SampledWavelengths) -> [f32; 3] {
         let matching = self.matching();
