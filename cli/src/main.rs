@@ -11,6 +11,8 @@ mod data;
 mod fit;
 mod grow;
 mod input;
+mod light;
+mod light_report;
 mod measure;
 mod optics;
 mod output;
@@ -37,6 +39,7 @@ Exit codes: 0 done, 1 a check failed, 2 an error, 130 stopped (what was computed
 Examples:
   rosarium render                                the built-in rose to rose.png and rose.exr
   rosarium render scenes/thesis.toml -o a.exr -o a.png --spp 16
+  rosarium light -o light.csv --plot light.png
   rosarium measure thesis --incident 0,30,60 --rays 1e6 -o table.csv --plot lobes.svg
   rosarium fit table.csv --model terado --report report.html -o petal.toml
   rosarium convert table.csv petal.bsdf
@@ -70,6 +73,7 @@ struct Global {
 #[derive(Debug, Subcommand)]
 enum Command {
     Render(render::Args),
+    Light(Box<light::Args>),
     Measure(measure::Args),
     Fit(Box<fit::Args>),
     Colour(colour::Args),
@@ -133,6 +137,7 @@ fn run(cli: &Cli) -> Result<Outcome> {
     }
     match &cli.command {
         Command::Render(args) => render::run(args, global),
+        Command::Light(args) => light::run(args, global),
         Command::Measure(args) => measure::run(args, global),
         Command::Fit(args) => fit::run(args, global),
         Command::Colour(args) => colour::run(args, global),

@@ -91,7 +91,7 @@ pub(crate) fn parse_crop(argument: &str) -> Result<Crop, String> {
     Ok(Crop { x: (x0, x1), y: (y0, y1) })
 }
 
-fn parse_exposure(argument: &str) -> Result<f64, String> {
+pub(crate) fn parse_exposure(argument: &str) -> Result<f64, String> {
     match argument.parse::<f64>() {
         Ok(ev) if (-50.0..=50.0).contains(&ev) => Ok(ev),
         _ => Err("not a number of stops within -50 to 50".to_owned()),
@@ -183,24 +183,38 @@ fn paths(args: &Args) -> Vec<PathBuf> {
 }
 
 fn read_scene(args: &Args, global: Global) -> Result<Scene> {
-    let define = &args.overrides.define;
-    let Loaded { mut description, source } = match &args.scene {
+    let change = |SceneDescription { render, film, .. }: &mut SceneDescription| {
+        render.spp = args.spp.unwrap_or(render.spp);
+        render.seed = args.seed.unwrap_or(render.seed);
+        render.integrator = args.integrator.unwrap_or(render.integrator);
+        film.exposure_ev = args.exposure.unwrap_or(film.exposure_ev);
+        film.tone_map = args.tone_map.unwrap_or(film.tone_map);
+    };
+    let petal = args.petal.as_deref();
+    compiled(args.scene.as_deref(), petal, &args.overrides, args.cache.clone(), global, change)
+}
+
+/// A scene (the built-in one without a path), with another petal if one is given, changed, compiled.
+pub(crate) fn compiled(
+    path: Option<&Path>,
+    petal: Option<&str>,
+    overrides: &Overrides,
+    cache: Option<PathBuf>,
+    global: Global,
+    change: impl FnOnce(&mut SceneDescription),
+) -> Result<Scene> {
+    let define = &overrides.define;
+    let Loaded { mut description, source } = match path {
         Some(path) => {
             load::<SceneDescription>(&input::read_text(path)?, &path.display().to_string(), define)?
         }
         None => load::<SceneDescription>(DEFAULT_SCENE, DEFAULT_SCENE_NAME, define)?,
     };
-    if let Some(petal) = &args.petal {
+    if let Some(petal) = petal {
         description.petal = read_petal(petal, define)?;
     }
-    let SceneDescription { render, film, .. } = &mut description;
-    render.spp = args.spp.unwrap_or(render.spp);
-    render.seed = args.seed.unwrap_or(render.seed);
-    render.integrator = args.integrator.unwrap_or(render.integrator);
-    film.exposure_ev = args.exposure.unwrap_or(film.exposure_ev);
-    film.tone_map = args.tone_map.unwrap_or(film.tone_map);
-    let disk = input::assets_beside(args.scene.as_deref());
-    let assets = CachedAssets::new(disk, args.cache.clone(), global);
+    change(&mut description);
+    let assets = CachedAssets::new(input::assets_beside(path), cache, global);
     scene::compile(&description, &assets).map_err(|e| source.locate(e))
 }
 

@@ -1,7 +1,7 @@
 //! Numbers as colours: a PNG of one value per pixel, with a bar that says what the colours mean.
 //!
 //! - [`Scale::Magma`]: from black over purple to light yellow, for what has a zero and no sign; steps of equal number look
-//!   equally far apart.
+//!   equally far apart. [`Scale::Viridis`] does the same from violet over green to yellow.
 //! - [`Scale::Signed`]: blue below zero, white at it, red above.
 //!
 //! Values beyond the ends have the ends' colours, NaN is green. Small pictures are magnified in whole pixels.
@@ -24,6 +24,11 @@ pub enum Scale {
         /// Value of the brightest colour.
         max: f32,
     },
+    /// 0 to `max`, from dark violet over green to yellow.
+    Viridis {
+        /// Value of the brightest colour.
+        max: f32,
+    },
     /// `-limit` to `limit`.
     Signed {
         /// Value of the full red.
@@ -42,7 +47,7 @@ const STEPS: usize = 128;
 impl Scale {
     fn ends(self) -> (f32, f32) {
         match self {
-            Scale::Magma { max } => (0.0, max),
+            Scale::Magma { max } | Scale::Viridis { max } => (0.0, max),
             Scale::Signed { limit } => (-limit, limit),
         }
     }
@@ -50,8 +55,10 @@ impl Scale {
     /// Colour of a share of the way from one end to the other, sRGB levels.
     fn color(self, t: f32) -> [u8; 3] {
         match self {
-            Scale::Magma { .. } => {
-                let (r, g, b) = ColorMap::Magma.map_rgb(f64::from(t)).unwrap_or_default();
+            Scale::Magma { .. } | Scale::Viridis { .. } => {
+                let map =
+                    if matches!(self, Scale::Magma { .. }) { ColorMap::Magma } else { ColorMap::Viridis };
+                let (r, g, b) = map.map_rgb(f64::from(t)).unwrap_or_default();
                 [r, g, b]
             }
             Scale::Signed { .. } => {
@@ -63,6 +70,11 @@ impl Scale {
         }
     }
 
+    /// Colour of a value, linear sRGB.
+    pub fn linear(self, value: f32) -> [f32; 3] {
+        self.color_of(value).map(|level| srgb_decode(f32::from(level) / 255.0))
+    }
+
     fn color_of(self, value: f32) -> [u8; 3] {
         let (low, high) = self.ends();
         if value.is_nan() { [0, 255, 0] } else { self.color(((value - low) / (high - low)).clamp(0.0, 1.0)) }
@@ -71,25 +83,30 @@ impl Scale {
 
 /// The picture of `values`, row by row from the top, as PNG bytes. `caption` says what is shown.
 pub fn write(values: &[f32], width: usize, scale: Scale, caption: &str) -> Result<Vec<u8>> {
+    let decode: [f32; 256] = std::array::from_fn(|level| srgb_decode(level as f32 / 255.0));
+    let colors: Vec<[f32; 3]> =
+        values.iter().map(|&v| scale.color_of(v).map(|level| decode[usize::from(level)])).collect();
+    write_colors(&colors, width, scale, caption)
+}
+
+/// The picture of colours that were taken from a scale by [`Scale::linear`], and perhaps mixed.
+pub fn write_colors(colors: &[[f32; 3]], width: usize, scale: Scale, caption: &str) -> Result<Vec<u8>> {
     let (low, high) = scale.ends();
     if !(low.is_finite() && high.is_finite() && low < high) {
         return Err(Error::invalid("scale", format!("{low} to {high} is not a range")));
     }
-    if width == 0 || values.is_empty() || !values.len().is_multiple_of(width) {
-        return Err(Error::invalid("picture", format!("{} values, {width} in a row", values.len())));
+    if width == 0 || colors.is_empty() || !colors.len().is_multiple_of(width) {
+        return Err(Error::invalid("picture", format!("{} values, {width} in a row", colors.len())));
     }
-    let height = values.len() / width;
+    let height = colors.len() / width;
     let factor = (MAGNIFIED_PX / width).min(MAGNIFIED_PX / height).max(1);
     let columns = (width * factor).max(MAGNIFIED_PX);
     let bar = bar(scale, columns, caption)?;
-    let decode: [f32; 256] = std::array::from_fn(|level| srgb_decode(level as f32 / 255.0));
     let white = [1.0; 3];
     // Around a narrow picture, so that its edges are seen.
     let (grey, margin) = ([0.6; 3], (columns - width * factor) / 2);
     let mut pixels = Vec::with_capacity(columns * (height * factor + bar.height));
-    for row in values.chunks(width) {
-        let line: Vec<[f32; 3]> =
-            row.iter().map(|&v| scale.color_of(v).map(|level| decode[usize::from(level)])).collect();
+    for line in colors.chunks(width) {
         for _ in 0..factor {
             let at = |x: usize| line.get(x.checked_sub(margin)? / factor).copied();
             pixels.extend((0..columns).map(|x| at(x).unwrap_or(grey)));

@@ -8,13 +8,14 @@
 
 use glam::{DMat4, DQuat, DVec3, Vec2, Vec3};
 use serde::Deserialize;
-use serde_json::{Value, json};
+use serde_json::Value;
 
-use super::{check_parts, finish, invalid};
+pub use super::gltf_write::{write, write_unlit};
+use super::{finish, invalid};
 use crate::geometry::Mesh;
 use crate::{Error, Result};
 
-const FORMAT: &str = "glTF";
+pub(super) const FORMAT: &str = "glTF";
 
 /// Instances repeat triangles that the file holds once; more than this many are not read.
 const MAX_TRIANGLES: usize = 1 << 26;
@@ -102,8 +103,8 @@ struct Buffer {
 /// Component types of accessors.
 const U8: u32 = 5121;
 const U16: u32 = 5123;
-const U32: u32 = 5125;
-const F32: u32 = 5126;
+pub(super) const U32: u32 = 5125;
+pub(super) const F32: u32 = 5126;
 
 /// Reads all meshes of the scene as one, in millimetres.
 pub fn read(bytes: &[u8]) -> Result<Mesh> {
@@ -365,120 +366,10 @@ impl File {
     }
 }
 
-/// Writes a `.glb` with one node, mesh and two-sided material per part. `base_colors` (linear sRGB) are in the
-/// order of the parts; parts without one are light grey.
-pub fn write(parts: &[(&str, &Mesh)], base_colors: &[[f32; 3]]) -> Result<Vec<u8>> {
-    check_parts(parts, FORMAT)?;
-    let mut out = Output::default();
-    let (mut meshes, mut materials) = (Vec::new(), Vec::new());
-    // The root turns and scales; the parts are its children.
-    let mut nodes = vec![json!({
-        "name": "rosarium",
-        "matrix": [0.001, 0, 0, 0, 0, 0, -0.001, 0, 0, 0.001, 0, 0, 0, 0, 0, 1],
-        "children": (1..=parts.len()).collect::<Vec<_>>(),
-    })];
-    for (k, (name, mesh)) in parts.iter().enumerate() {
-        let (low, high) = mesh.bounds();
-        let positions = mesh.positions.iter().flat_map(|p| p.to_array());
-        let mut attributes = json!({ "POSITION": out.floats(positions, 3, Some((low, high))) });
-        if !mesh.normals.is_empty() {
-            let normals = mesh.normals.iter().flat_map(|n| n.normalize_or(Vec3::Z).to_array());
-            attributes["NORMAL"] = out.floats(normals, 3, None).into();
-        }
-        if !mesh.uvs.is_empty() {
-            let uvs = mesh.uvs.iter().flat_map(|t| [t.x, 1.0 - t.y]);
-            attributes["TEXCOORD_0"] = out.floats(uvs, 2, None).into();
-        }
-        let indices = out.indices(mesh.triangles.iter().flatten().copied());
-        meshes.push(json!({
-            "name": name,
-            "primitives": [{ "attributes": attributes, "indices": indices, "material": k }],
-        }));
-        let [r, g, b] = base_colors.get(k).copied().unwrap_or([0.8; 3]).map(|v| {
-            // The format allows 0 to 1; NaN becomes 0.
-            if v > 0.0 { v.min(1.0) } else { 0.0 }
-        });
-        materials.push(json!({
-            "name": name,
-            "doubleSided": true,
-            "pbrMetallicRoughness": {
-                "baseColorFactor": [r, g, b, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.7,
-            },
-        }));
-        nodes.push(json!({ "name": name, "mesh": k }));
-    }
-    let root = json!({
-        "asset": { "version": "2.0", "generator": concat!("rosarium ", env!("CARGO_PKG_VERSION")) },
-        "scene": 0,
-        "scenes": [{ "nodes": [0] }],
-        "nodes": nodes,
-        "meshes": meshes,
-        "materials": materials,
-        "accessors": out.accessors,
-        "bufferViews": out.views,
-        "buffers": [{ "byteLength": out.bytes.len() }],
-    });
-    let mut json = serde_json::to_vec(&root).map_err(|e| invalid(FORMAT, e))?;
-    json.resize(json.len().next_multiple_of(4), b' ');
-    // The binary chunk holds 4-byte values only: it needs no padding.
-    let length = 28 + json.len() + out.bytes.len();
-    if u32::try_from(length).is_err() {
-        return Err(invalid(FORMAT, "the meshes are larger than 4 GiB, the limit of .glb"));
-    }
-    let number = |n: usize| (n as u32).to_le_bytes();
-    let mut bytes = Vec::with_capacity(length);
-    bytes.extend_from_slice(b"glTF");
-    bytes.extend([number(2), number(length), number(json.len()), *b"JSON"].as_flattened());
-    bytes.append(&mut json);
-    bytes.extend([number(out.bytes.len()), *b"BIN\0"].as_flattened());
-    bytes.append(&mut out.bytes);
-    Ok(bytes)
-}
-
-/// The binary chunk and what describes it.
-#[derive(Default)]
-struct Output {
-    bytes: Vec<u8>,
-    views: Vec<Value>,
-    accessors: Vec<Value>,
-}
-
-impl Output {
-    /// Index of a new accessor of vectors with N floats.
-    fn floats(&mut self, values: impl Iterator<Item = f32>, n: usize, bounds: Option<(Vec3, Vec3)>) -> usize {
-        let count = self.view(34_962, values.map(f32::to_le_bytes)) / n;
-        let mut accessor = json!({
-            "bufferView": self.views.len() - 1, "componentType": F32, "count": count, "type": format!("VEC{n}"),
-        });
-        if let Some((low, high)) = bounds {
-            accessor["min"] = json!(low.to_array());
-            accessor["max"] = json!(high.to_array());
-        }
-        self.accessors.push(accessor);
-        self.accessors.len() - 1
-    }
-
-    /// Index of a new accessor of 32-bit indices.
-    fn indices(&mut self, values: impl Iterator<Item = u32>) -> usize {
-        let count = self.view(34_963, values.map(u32::to_le_bytes));
-        self.accessors.push(json!({
-            "bufferView": self.views.len() - 1, "componentType": U32, "count": count, "type": "SCALAR",
-        }));
-        self.accessors.len() - 1
-    }
-
-    /// Adds a buffer view for vertices or indices; the number of 4-byte values.
-    fn view(&mut self, target: u32, values: impl Iterator<Item = [u8; 4]>) -> usize {
-        let offset = self.bytes.len();
-        self.bytes.extend(values.flatten());
-        let length = self.bytes.len() - offset;
-        self.views.push(json!({ "buffer": 0, "byteOffset": offset, "byteLength": length, "target": target }));
-        length / 4
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use serde_json::json;
+
     use super::*;
     use crate::io::damage::{damage, two_parts};
 
@@ -490,6 +381,24 @@ mod tests {
         };
         assert!(close(&a.positions, &b.positions) && close(&a.normals, &b.normals), "{a:?}\n{b:?}");
         assert!(a.uvs.iter().zip(&b.uvs).all(|(a, b)| (a - b).length() < 1e-6));
+    }
+
+    #[test]
+    fn light_is_in_the_colours() {
+        let [(a, mesh_a), (b, mesh_b)] = two_parts();
+        let colors: Vec<Vec<[f32; 3]>> =
+            [&mesh_a, &mesh_b].map(|m| vec![[0.25, 7.0, f32::NAN]; m.positions.len()]).to_vec();
+        let parts = [(a, &mesh_a), (b, &mesh_b)];
+        let bytes = write_unlit(&parts, &colors).unwrap();
+        let has = |name: &[u8]| bytes.windows(name.len()).any(|w| w == name);
+        assert!(has(b"KHR_materials_unlit") && has(b"COLOR_0") && !has(b"doubleSided"));
+        // Colours are within 0 to 1.
+        let color: Vec<u8> = [0.25f32, 1.0, 0.0].iter().flat_map(|v| v.to_le_bytes()).collect();
+        assert!(has(&color));
+        let mut whole = mesh_a.clone();
+        whole.append(&mesh_b);
+        assert_eq!(read(&bytes).unwrap().triangles, whole.triangles);
+        assert!(write_unlit(&parts, &colors[..1]).is_err());
     }
 
     #[test]

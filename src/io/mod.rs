@@ -10,6 +10,7 @@ pub mod image;
 pub mod ply;
 pub mod obj;
 pub mod gltf;
+mod gltf_write;
 pub mod gonio_csv;
 pub mod petal_optics;
 pub mod merl;
@@ -44,6 +45,10 @@ pub mod fit_html;
 mod fit_parts;
 pub mod spectrum_fit;
 pub mod cell_plot;
+pub mod light_table;
+pub mod netcdf;
+pub mod sensors_csv;
+pub mod light_netcdf;
 
 pub use image::Image;
 

@@ -18,6 +18,7 @@ use ply_rs_bw::ply::{
 use super::{check_parts, finish, invalid, push_fan};
 use crate::Result;
 use crate::geometry::Mesh;
+use crate::spectrum::color::srgb_encode;
 
 const FORMAT: &str = "PLY";
 
@@ -190,6 +191,19 @@ impl PropertyAccess for Skip {
 
 /// Writes named parts. Normals and texture coordinates are written if all parts have them.
 pub fn write(parts: &[(&str, &Mesh)]) -> Result<Vec<u8>> {
+    write_parts(parts, None)
+}
+
+/// Writes named parts with a colour per vertex, linear sRGB: `red green blue` are levels of sRGB, as viewers take them.
+pub fn write_colored(parts: &[(&str, &Mesh)], colors: &[Vec<[f32; 3]>]) -> Result<Vec<u8>> {
+    if colors.len() != parts.len() || parts.iter().zip(colors).any(|((_, m), c)| m.positions.len() != c.len())
+    {
+        return Err(invalid(FORMAT, "each vertex needs a colour"));
+    }
+    write_parts(parts, Some(colors))
+}
+
+fn write_parts(parts: &[(&str, &Mesh)], colors: Option<&[Vec<[f32; 3]>]>) -> Result<Vec<u8>> {
     let (vertices, faces) = check_parts(parts, FORMAT)?;
     let normals = parts.iter().all(|(_, m)| !m.normals.is_empty());
     let uvs = parts.iter().all(|(_, m)| !m.uvs.is_empty());
@@ -206,6 +220,9 @@ pub fn write(parts: &[(&str, &Mesh)]) -> Result<Vec<u8>> {
     if uvs {
         header += "property float u\nproperty float v\n";
     }
+    if colors.is_some() {
+        header += "property uchar red\nproperty uchar green\nproperty uchar blue\n";
+    }
     header += &format!("element face {faces}\nproperty list uchar int vertex_indices\n");
     if several {
         header += "property int part\n";
@@ -216,7 +233,7 @@ pub fn write(parts: &[(&str, &Mesh)]) -> Result<Vec<u8>> {
     bytes.reserve(vertices * 32 + faces * 17);
     // Writing to a `Vec` cannot fail; the error is passed on all the same.
     let mut body = || -> std::io::Result<()> {
-        for (_, mesh) in parts {
+        for (k, (_, mesh)) in parts.iter().enumerate() {
             for (i, p) in mesh.positions.iter().enumerate() {
                 p.to_array().iter().try_for_each(|v| bytes.write_all(&v.to_le_bytes()))?;
                 if normals {
@@ -224,6 +241,9 @@ pub fn write(parts: &[(&str, &Mesh)]) -> Result<Vec<u8>> {
                 }
                 if uvs {
                     mesh.uvs[i].to_array().iter().try_for_each(|v| bytes.write_all(&v.to_le_bytes()))?;
+                }
+                if let Some(colors) = colors {
+                    bytes.write_all(&colors[k][i].map(level))?;
                 }
             }
         }
@@ -242,6 +262,12 @@ pub fn write(parts: &[(&str, &Mesh)]) -> Result<Vec<u8>> {
     };
     body().map_err(|e| invalid(FORMAT, e))?;
     Ok(bytes)
+}
+
+/// Level of a linear value.
+fn level(linear: f32) -> u8 {
+    // NaN is black.
+    (srgb_encode(linear.max(0.0).min(1.0)) * 255.0 + 0.5) as u8
 }
 
 #[cfg(test)]
@@ -264,6 +290,16 @@ mod tests {
         assert_eq!(read(&write(&[(a, &bare)]).unwrap()).unwrap(), bare);
         let mixed = read(&write(&[(a, &mesh_a), (b, &bare)]).unwrap()).unwrap();
         assert!(mixed.normals.is_empty() && mixed.uvs.is_empty());
+    }
+
+    #[test]
+    fn colours_are_levels_of_srgb() {
+        let [(a, mesh), _] = two_parts();
+        let colors = vec![vec![[0.214_041, 2.0, f32::NAN]; mesh.positions.len()]];
+        let bytes = write_colored(&[(a, &mesh)], &colors).unwrap();
+        assert_eq!(bytes.windows(3).filter(|w| w == &[128, 255, 0]).count(), mesh.positions.len());
+        assert_eq!(read(&bytes).unwrap(), mesh);
+        assert!(write_colored(&[(a, &mesh)], &[]).is_err());
     }
 
     #[test]

@@ -150,6 +150,23 @@ impl BandGrid {
         Ok(Self { bands: bands.to_vec(), wavelengths_nm, cells })
     }
 
+    /// The same bands and cells, whose wavelengths are found in a longer list that rises.
+    pub fn on(&self, wavelengths_nm: &[f32]) -> Result<Self> {
+        let place = |l: &f32| {
+            let at = wavelengths_nm.partition_point(|w| w < l);
+            (wavelengths_nm.get(at) == Some(l)).then_some(at)
+        };
+        let places: Option<Vec<usize>> = self.wavelengths_nm.iter().map(place).collect();
+        let places =
+            places.ok_or_else(|| Error::invalid("wavelengths", "those of the bands are not among them"))?;
+        let moved = |c: &Vec<(usize, f64)>| c.iter().map(|&(i, width)| (places[i], width)).collect();
+        Ok(Self {
+            bands: self.bands.clone(),
+            wavelengths_nm: wavelengths_nm.to_vec(),
+            cells: self.cells.iter().map(moved).collect(),
+        })
+    }
+
     /// The bands.
     pub fn bands(&self) -> &[Band] {
         &self.bands
@@ -216,6 +233,9 @@ mod tests {
         assert!((grid.power(0, value) / exact - 1.0).abs() < 1e-4);
         assert_eq!(grid.cells(4).len(), 2);
         assert!((grid.power(4, |_| 1.0) - 16.5).abs() < 1e-9);
+        let second = BandGrid::new(&bands[1..2], 10.0).unwrap().on(grid.wavelengths_nm()).unwrap();
+        assert_eq!(second.power(0, value), grid.power(1, value));
+        assert!(grid.on(second.wavelengths_nm()).is_ok() && grid.on(&[405.0]).is_err());
         assert_eq!(BandGrid::new(&bands[..1], 1e4).unwrap().wavelengths_nm(), [550.0]);
     }
 
@@ -236,7 +256,8 @@ mod tests {
 
     #[test]
     fn bands_outside_are_errors() {
-        for text in ["", "400", "700-400", "400-400", "300-700", "400-800", "nan-700", "400-inf", "a-b", "-400-700"]
+        for text in
+            ["", "400", "700-400", "400-400", "300-700", "400-800", "nan-700", "400-inf", "a-b", "-400-700"]
         {
             assert!(text.parse::<Band>().is_err(), "{text}");
         }

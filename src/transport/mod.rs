@@ -7,6 +7,7 @@
 mod direct;
 
 pub mod hybrid;
+pub mod light;
 pub mod path;
 pub mod radiosity;
 pub mod radiosity_view;

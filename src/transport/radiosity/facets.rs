@@ -224,7 +224,7 @@ fn face_area(scene: &Scene, first_triangle: &[u32], triangle: u32) -> f32 {
 }
 
 /// Normal of a face to the adaxial side, with twice its area as length, as a ray that hits it finds it.
-pub(super) fn face_normal(mesh: &Mesh, face: usize) -> Vec3 {
+pub fn face_normal(mesh: &Mesh, face: usize) -> Vec3 {
     let [a, b, c] = mesh.corners(face);
     let n = (b - a).cross(c - a);
     if mesh.normals.is_empty() {
