@@ -98,27 +98,27 @@ pub(crate) struct Args {
     /// Petal for every petal of the scene, instead of the scene's: a preset, or a petal file such as `fit` writes.
     #[arg(long, value_name = "NAME|FILE")]
     petal: Option<String>,
-    /// About how many elements light is exchanged between.
-    #[arg(long, value_name = "N", default_value_t = RadiositySettings::default().elements, allow_negative_numbers = true)]
-    elements: u32,
-    /// Rays from each side of an element.
-    #[arg(long, value_name = "N", default_value_t = RadiositySettings::default().rays, allow_negative_numbers = true)]
-    rays: u32,
-    /// Samples of every light for each side of an element.
-    #[arg(long, value_name = "N", default_value_t = RadiositySettings::default().light_samples, allow_negative_numbers = true)]
-    light_samples: u32,
-    /// End when this share of the direct light is still under way.
-    #[arg(long, value_name = "X", default_value_t = RadiositySettings::default().residual, allow_negative_numbers = true)]
-    residual: f64,
-    /// ... or after this many orders of scattering, not converged.
-    #[arg(long, value_name = "N", default_value_t = RadiositySettings::default().max_orders, allow_negative_numbers = true)]
-    max_orders: u32,
-    /// Seed of all samples. Default: the scene's.
+    /// About how many elements light is exchanged between, instead of the scene's (render.radiosity.elements).
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    elements: Option<u32>,
+    /// Rays from each side of an element, instead of the scene's.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    rays: Option<u32>,
+    /// Samples of every light for each side of an element, instead of the scene's.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    light_samples: Option<u32>,
+    /// End when this share of the direct light is still under way, instead of the scene's.
+    #[arg(long, value_name = "X", allow_negative_numbers = true)]
+    residual: Option<f64>,
+    /// ... or after this many orders of scattering, not converged, instead of the scene's.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    max_orders: Option<u32>,
+    /// Seed of all samples, instead of the scene's.
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     seed: Option<u64>,
-    /// Most memory, such as 2GiB or 500MiB; what needs more is refused beforehand.
-    #[arg(long, value_name = "SIZE", default_value = "8GiB", allow_negative_numbers = true, value_parser = memory)]
-    memory: u64,
+    /// Most memory of the solution, such as 2GiB or 500MiB, instead of the scene's; what needs more is refused beforehand.
+    #[arg(long, value_name = "SIZE", allow_negative_numbers = true, value_parser = memory)]
+    memory: Option<u64>,
     /// Folder that keeps petals that were measured. Default: rosarium in the user's cache folder.
     #[arg(long, value_name = "DIR")]
     cache: Option<PathBuf>,
@@ -230,15 +230,16 @@ pub(crate) fn run(args: &Args, global: Global) -> Result<Outcome> {
         global,
         |_| {},
     )?;
+    let of_scene = RadiositySettings::of(&scene.render);
     let settings = RadiositySettings {
-        elements: args.elements,
-        rays: args.rays,
-        light_samples: args.light_samples,
-        residual: args.residual,
-        max_orders: args.max_orders,
-        seed: args.seed.unwrap_or(scene.render.seed),
-        memory_bytes: args.memory,
-        ..RadiositySettings::default()
+        elements: args.elements.unwrap_or(of_scene.elements),
+        rays: args.rays.unwrap_or(of_scene.rays),
+        light_samples: args.light_samples.unwrap_or(of_scene.light_samples),
+        residual: args.residual.unwrap_or(of_scene.residual),
+        max_orders: args.max_orders.unwrap_or(of_scene.max_orders),
+        seed: args.seed.unwrap_or(of_scene.seed),
+        memory_bytes: args.memory.unwrap_or(of_scene.memory_bytes),
+        ..of_scene
     };
     // Colours need all that is visible.
     let all = if bake.is_empty() { bands.clone() } else { [&bands[..], &[Band::VISIBLE]].concat() };
@@ -256,7 +257,7 @@ pub(crate) fn run(args: &Args, global: Global) -> Result<Outcome> {
     warnings.iter().for_each(|w| tracing::warn!("{w}"));
     let readout = Readout::new(&scene, &solution, &grid, unit_lx).map_err(at_flag)?;
     let run = Run { scene: name(args), unit_lx, seconds };
-    let about = about(args, &run, &scene);
+    let about = about(args, &run, &scene, &settings);
 
     let readings: Vec<Reading> = match stopped || sensors.is_empty() {
         true => Vec::new(),
@@ -339,7 +340,7 @@ fn name(args: &Args) -> String {
 }
 
 /// Header of the tables. What repeats: no time, no place.
-fn about(args: &Args, run: &Run, scene: &Scene) -> Vec<String> {
+fn about(args: &Args, run: &Run, scene: &Scene, settings: &RadiositySettings) -> Vec<String> {
     vec![
         format!("Rosarium {} light of {}, scene {:032x}.", env!("CARGO_PKG_VERSION"), run.scene, scene.scene_hash),
         "Radiosity with transmission: diffuse light of all orders. Values are means over a side of the surface.".into(),
@@ -349,10 +350,10 @@ fn about(args: &Args, run: &Run, scene: &Scene) -> Vec<String> {
             "An irradiance of 1 in the scene stands for {} lx; cells of {} nm; {} elements, {} rays, {} light samples, seed {}.",
             run.unit_lx,
             args.step_nm,
-            args.elements,
-            args.rays,
-            args.light_samples,
-            args.seed.unwrap_or(scene.render.seed)
+            settings.elements,
+            settings.rays,
+            settings.light_samples,
+            settings.seed
         ),
     ]
 }
