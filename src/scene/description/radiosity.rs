@@ -16,7 +16,7 @@ pub struct RadiosityDescription {
     pub rays: u32,
     /// Samples of every light for each side of an element, 1 to 5e7. Default 32.
     pub light_samples: u32,
-    /// Wavelengths at which the light is solved for, evenly over 380 to 780 nm, 2 to 401. Default 16.
+    /// Wavelengths at which the light is solved for, evenly over 380 to 780 nm, 2 to 401. Default 32.
     pub wavelengths: u32,
     /// Orders of scattering are added until this share of the direct light is still under way, between 0 and 1.
     /// Default 1e-5.
@@ -36,7 +36,7 @@ impl Default for RadiosityDescription {
             elements: 50_000,
             rays: 32,
             light_samples: 32,
-            wavelengths: 16,
+            wavelengths: 32,
             residual: 1e-5,
             max_orders: 1000,
             near: 1.0,
