@@ -17,7 +17,7 @@ fn picture(c: &mut Criterion) {
     let size = UVec2::new(scene.film.width, scene.film.height);
     let crop = PixelRect::from_fractions(size, (0.45, 0.55), (0.40, 0.50)).expect("inside the picture");
     let settings = RenderSettings { spp: SPP, seed: 0, crop };
-    let path = Path { max_depth: scene.render.max_depth, min_depth: scene.render.min_depth };
+    let path = Path { max_depth: scene.render.max_depth, min_depth: scene.render.min_depth, guide: None };
     let integrators: [(&str, &dyn Integrator); 2] = [("path", &path), ("raytrace", &Raytrace)];
 
     let mut group = c.benchmark_group("picture");

@@ -52,7 +52,8 @@ fn main() -> rosarium::Result<()> {
     let loaded = load::<SceneDescription>(SCENE, "picture.toml", &[])?;
     let scene = compile(&loaded.description, &MemoryAssets::default())?;
 
-    let integrator = Path { max_depth: scene.render.max_depth, min_depth: scene.render.min_depth };
+    let integrator =
+        Path { max_depth: scene.render.max_depth, min_depth: scene.render.min_depth, guide: None };
     let size = UVec2::new(scene.film.width, scene.film.height);
     let settings = RenderSettings { spp: 16, seed: 0, crop: PixelRect::full(size) };
     let picture = render(&scene, &integrator, &settings, &NoProgress)?;

@@ -10,7 +10,7 @@ use rosarium::spectrum::SampledWavelengths;
 use rosarium::transport::radiosity::{Radiosity, RadiositySettings, solve};
 use rosarium::transport::{Hybrid, Integrator, NoProgress, Path, PixelRay, RadiosityView, Raytrace};
 
-const PATH: Path = Path { max_depth: 10_000, min_depth: 4 };
+const PATH: Path = Path { max_depth: 10_000, min_depth: 4, guide: None };
 
 fn scene(text: &str) -> Scene {
     let description: SceneDescription = load(text, "test", &[]).unwrap_or_else(|e| panic!("{e}")).description;
@@ -249,7 +249,7 @@ fn raytrace_is_the_direct_light_of_path() {
         Vec3::new(u.x, u.y, -1.0).normalize()
     };
     let eye = Vec3::new(5.0, 3.0, 60.0);
-    let direct = Path { max_depth: 1, min_depth: 4 };
+    let direct = Path { max_depth: 1, min_depth: 4, guide: None };
     let path = light(&scene, &direct, eye, at, 40_000);
     let traced = light(&scene, &Raytrace, eye, at, 40_000);
     let error = path.standard_error().hypot(traced.standard_error());

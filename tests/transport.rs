@@ -16,7 +16,7 @@ use rosarium::scene::{MemoryAssets, Petal, Scattering, Scene};
 use rosarium::spectrum::{LANES, SampledSpectrum, SampledWavelengths};
 use rosarium::transport::{Incident, Integrator, Path, PixelRay, Raytrace};
 
-const PATH: Path = Path { max_depth: 12, min_depth: 2 };
+const PATH: Path = Path { max_depth: 12, min_depth: 2, guide: None };
 
 fn scene(text: &str) -> Scene {
     support::scene_with(text, &[], &support::sky())

@@ -55,6 +55,12 @@ pub(crate) struct Args {
     /// light among petals only (radiosity); rays joined to radiosity (hybrid).
     #[arg(long, value_name = "NAME", value_parser = named::<IntegratorName>(&["path", "raytrace", "radiosity", "hybrid"]))]
     integrator: Option<IntegratorName>,
+    /// Guide paths by a coarse radiosity solution (`path` only): the same picture with less noise for the time.
+    #[arg(long, overrides_with = "no_guide")]
+    guide: bool,
+    /// Do not guide paths, whatever the scene says.
+    #[arg(long)]
+    no_guide: bool,
     /// Exposure of the PNG in stops, instead of the scene's.
     #[arg(long, value_name = "EV", allow_negative_numbers = true, value_parser = parse_exposure)]
     exposure: Option<f64>,
@@ -187,6 +193,7 @@ fn read_scene(args: &Args, global: Global) -> Result<Scene> {
         render.spp = args.spp.unwrap_or(render.spp);
         render.seed = args.seed.unwrap_or(render.seed);
         render.integrator = args.integrator.unwrap_or(render.integrator);
+        render.guide = (render.guide || args.guide) && !args.no_guide;
         film.exposure_ev = args.exposure.unwrap_or(film.exposure_ev);
         film.tone_map = args.tone_map.unwrap_or(film.tone_map);
     };

@@ -152,13 +152,18 @@ pub struct LightSample {
     pub delta: bool,
 }
 
+/// Scenes with more lights than this draw one of them where the camera looks, too.
+pub const MAX_EACH: usize = 8;
+
 /// How the lights are drawn at a point.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Drawing {
     /// One light, picked by its estimated irradiance.
     One,
     /// Every light once: for what the camera sees directly.
     Each,
+    /// One light, picked with these probabilities; there are at most so many lights.
+    Chosen([f32; MAX_EACH]),
 }
 
 /// All lights of a scene.
@@ -202,6 +207,7 @@ impl Lights {
         match drawing {
             Drawing::One => self.pick_probability(i),
             Drawing::Each => 1.0,
+            Drawing::Chosen(p) => p.get(i).copied().unwrap_or(0.0),
         }
     }
 

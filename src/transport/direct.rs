@@ -14,11 +14,9 @@
 use super::shade::Shading;
 use crate::geometry::{Interaction, Ray};
 use crate::math::Sampler;
-use crate::scene::{Drawing, LightSample, Scene};
+use crate::scene::{Drawing, LightSample, MAX_EACH, Scene};
 use crate::spectrum::{SampledSpectrum, SampledWavelengths};
 
-/// Scenes with more lights than this draw one of them where the camera looks, too.
-const MAX_EACH: usize = 8;
 /// Dimensions of one light at the first surface: its point, and the points of the cells that it lights.
 const DIMENSIONS_PER_LIGHT: u32 = 2;
 /// Dimensions of one bounce: light's number, point and cells; direction's lobe, angles and walk; roulette.
@@ -173,6 +171,31 @@ pub(super) fn one_light(
     let u = sampler.next_2d();
     match scene.lights.sample(at.p, u_pick, u, lambda) {
         Some(light) => reflected(scene, at, shading, &light, onward, lambda, sampler),
+        None => SampledSpectrum::ZERO,
+    }
+}
+
+/// Direct light by one light drawn with the probabilities `p`; takes three dimensions from `dimension` on.
+pub(super) fn chosen_light(
+    scene: &Scene,
+    at: &Interaction,
+    shading: &Shading,
+    p: &[f32; MAX_EACH],
+    dimension: u32,
+    lambda: &SampledWavelengths,
+    sampler: &mut Sampler,
+) -> SampledSpectrum {
+    sampler.start_dimension(dimension);
+    let mut u_pick = sampler.next_1d();
+    let u = sampler.next_2d();
+    let last = scene.lights.emitters().len().min(MAX_EACH) - 1;
+    let mut i = 0;
+    while i < last && u_pick >= p[i] {
+        u_pick -= p[i];
+        i += 1;
+    }
+    match scene.lights.sample_light(i, Drawing::Chosen(*p), at.p, u, lambda) {
+        Some(light) => reflected(scene, at, shading, &light, Onward::Whole, lambda, sampler),
         None => SampledSpectrum::ZERO,
     }
 }

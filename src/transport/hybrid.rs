@@ -214,4 +214,4 @@ impl<T: IndirectLight> Integrator for Hybrid<T> {
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

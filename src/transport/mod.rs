@@ -6,6 +6,7 @@
 
 mod direct;
 
+pub mod guide;
 pub mod hybrid;
 pub mod light;
 pub mod path;
@@ -16,6 +17,7 @@ pub mod raytrace;
 pub mod render;
 pub mod shade;
 
+pub use guide::{Guide, GuideSettings};
 pub use hybrid::{Hybrid, IndirectLight};
 pub use path::Path;
 pub use prepare::{Prepared, prepare};

@@ -7,9 +7,16 @@
 //! their throughput, from `min_depth` on, and at `max_depth` surfaces, which is the only bias and counts as
 //! the scene's own wish.
 //!
-//! Guarded by the furnace and sheet tests of `tests/analytic.rs`.
+//! A [`Guide`] chooses lights at bounces by what a coarse solution knows of the place: every
+//! light keeps a probability above zero, and its light is divided by that.
+//!
+//! Guarded by the furnace and sheet tests of `tests/analytic.rs`; with a guide `guided_paths_find_the_same_light`,
+//! `a_guide_that_knows_nothing_is_harmless`.
 
-use super::direct::{Came, Onward, dimension_of, first_lights, meet, one_light, survival};
+use std::sync::Arc;
+
+use super::direct::{Came, Onward, chosen_light, dimension_of, first_lights, meet, one_light, survival};
+use super::guide::Guide;
 use super::shade::Shading;
 use super::{Incident, Integrator, PixelRay};
 use crate::math::Sampler;
@@ -17,12 +24,14 @@ use crate::scene::{Drawing, Scene};
 use crate::spectrum::{SampledSpectrum, SampledWavelengths};
 
 /// Path tracing with next-event estimation.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Path {
     /// Most surfaces on a path.
     pub max_depth: u32,
     /// Surfaces before roulette may end a path.
     pub min_depth: u32,
+    /// What is known of the scene's light before paths are traced.
+    pub guide: Option<Arc<Guide>>,
 }
 
 impl Integrator for Path {
@@ -51,14 +60,18 @@ impl Integrator for Path {
                 break;
             }
 
+            let wo = -ray.direction;
             let points = if depth == 0 { scene.petal.samples } else { 1 };
-            let shading =
-                Shading::new(scene, at, -ray.direction, lambda, (depth == 0).then_some(pixel), points);
+            let shading = Shading::new(scene, at, wo, lambda, (depth == 0).then_some(pixel), points);
             let dimension = dimension_of(depth);
             if depth == 0 {
                 let (light, how) = first_lights(scene, &at, &shading, lambda, sampler);
                 result.direct += light;
                 drawing = how;
+            } else if let Some(p) = self.guide.as_ref().and_then(|g| g.pick(scene, &at, wo)) {
+                let light = chosen_light(scene, &at, &shading, &p, dimension, lambda, sampler);
+                result.indirect += throughput * light;
+                drawing = Drawing::Chosen(p);
             } else {
                 let light = one_light(scene, &at, &shading, Onward::Whole, dimension, lambda, sampler);
                 result.indirect += throughput * light;

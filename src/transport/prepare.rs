@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::radiosity::{self, Radiosity, RadiositySettings};
-use super::{Hybrid, Integrator, Path, Progress, RadiosityView, Raytrace};
+use super::{Guide, GuideSettings, Hybrid, Integrator, Path, Progress, RadiosityView, Raytrace};
 use crate::Result;
 use crate::scene::Scene;
 use crate::scene::description::{IntegratorName, RadiosityDescription, RenderDescription};
@@ -54,7 +54,13 @@ pub fn prepare(scene: &Scene, warnings: &mut Vec<String>, progress: &dyn Progres
     let max_depth = render.max_depth;
     let traced = |integrator: Box<dyn Integrator>| Ok(Prepared { integrator, solution: None });
     match render.integrator {
-        IntegratorName::Path => traced(Box::new(Path { max_depth, min_depth: render.min_depth })),
+        IntegratorName::Path => {
+            let guide = match render.guide {
+                true => Some(Arc::new(Guide::new(scene, &GuideSettings::default(), progress)?)),
+                false => None,
+            };
+            traced(Box::new(Path { max_depth, min_depth: render.min_depth, guide }))
+        }
         IntegratorName::Raytrace => traced(Box::new(Raytrace)),
         IntegratorName::Radiosity => {
             let solution = solve()?;

@@ -8,11 +8,11 @@ use crate::scene::{MemoryAssets, SceneDescription, compile, load};
 use crate::transport::Path;
 use crate::validate::sheet;
 
-const PATH: Path = Path { max_depth: 24, min_depth: 3 };
+const PATH: Path = Path { max_depth: 24, min_depth: 3, guide: None };
 
 /// A glossy floor and wall, a petal of cells from above and from below, a translucent sheet, a tabulated petal or not:
 /// flat, and near enough to each other that much light is indirect.
-fn still_life(petal: &str) -> Scene {
+pub(in crate::transport) fn still_life(petal: &str) -> Scene {
     let mut assets = MemoryAssets::default();
     assets.files.insert("sheet.optics".into(), crate::io::petal_optics::write(&sheet(12, 6)).unwrap());
     let quad = |name: &str, material: &str, width: u32, place: &str, turn: &str| {
@@ -43,14 +43,19 @@ fn still_life(petal: &str) -> Scene {
 }
 
 const EYE: Vec3 = Vec3::new(0.0, -150.0, 170.0);
-const THINGS: [(&str, Vec3, f32); 4] = [
+pub(in crate::transport) const THINGS: [(&str, Vec3, f32); 4] = [
     ("petal", Vec3::new(-32.0, 0.0, 25.0), 15.0),
     ("petal from below", Vec3::new(32.0, 0.0, 25.0), 15.0),
     ("sheet", Vec3::new(0.0, 10.0, 70.0), 15.0),
     ("floor", Vec3::new(0.0, 0.0, 0.0), 12.0),
 ];
 
-fn light(scene: &Scene, by: &dyn Integrator, n: u32, (_, to, radius): (&str, Vec3, f32)) -> Welford {
+pub(in crate::transport) fn light(
+    scene: &Scene,
+    by: &dyn Integrator,
+    n: u32,
+    (_, to, radius): (&str, Vec3, f32),
+) -> Welford {
     (0..n)
         .map(|i| {
             let mut sampler = Sampler::new(23, UVec2::ZERO, i);
@@ -150,7 +155,7 @@ fn lines_of_the_grammar() {
     let scene = still_life("");
     let in_scene = |scene: &Scene, max_depth, near, value| Hybrid::new(scene, Even(value), max_depth, near);
     let hybrid = |max_depth, near, value| in_scene(&scene, max_depth, near, value);
-    let path = |max_depth| Path { max_depth, min_depth: 3 };
+    let path = |max_depth| Path { max_depth, min_depth: 3, guide: None };
     for thing in THINGS {
         let by = |integrator: &dyn Integrator| light(&scene, integrator, n, thing);
         // E L and E X L: what `path` finds with one scattering, to the bit.

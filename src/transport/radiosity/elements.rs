@@ -43,10 +43,10 @@ pub struct Element {
 
 /// A point of an element.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Point {
-    pub(super) p: Vec3,
+pub(in crate::transport) struct Point {
+    pub(in crate::transport) p: Vec3,
     /// Unit normal, adaxial.
-    pub(super) normal: Vec3,
+    pub(in crate::transport) normal: Vec3,
 }
 
 /// All elements of a scene.
@@ -238,7 +238,7 @@ impl Elements {
     }
 
     /// Uniform point of a described element.
-    pub(super) fn sample(&self, scene: &Scene, element: u32, u_facet: f32, u: Vec2) -> Point {
+    pub(in crate::transport) fn sample(&self, scene: &Scene, element: u32, u_facet: f32, u: Vec2) -> Point {
         let e = &self.list[element as usize];
         let sums = &self.cumulative[e.first as usize..e.last as usize];
         let x = u_facet * sums.last().copied().unwrap_or(0.0);
