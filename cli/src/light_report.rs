@@ -94,6 +94,7 @@ impl Report<'_> {
                 line(&format!("absorbed by {}, {side}", a.what), watts);
             }
         }
+        line("absorbed by all", b.absorbed_w());
         line("escaped after scattering", b.escaped_w);
         line("under way", b.under_way_w);
         line("not accounted for", b.error_w);

@@ -267,7 +267,7 @@ fn write_parts(parts: &[(&str, &Mesh)], colors: Option<&[Vec<[f32; 3]>]>) -> Res
 /// Level of a linear value.
 fn level(linear: f32) -> u8 {
     // NaN is black.
-    (srgb_encode(linear.max(0.0).min(1.0)) * 255.0 + 0.5) as u8
+    (srgb_encode(linear.clamp(0.0, 1.0)) * 255.0 + 0.5) as u8
 }
 
 #[cfg(test)]

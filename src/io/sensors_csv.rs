@@ -33,7 +33,7 @@ impl Sensor {
     pub fn new(name: String, numbers: [f64; 6], at: &str) -> Result<Self> {
         let [x, y, z, nx, ny, nz] = numbers;
         // What rays can be traced with.
-        if numbers.iter().any(|v| !(v.abs() <= 1e30)) {
+        if !numbers.iter().all(|v| v.abs() <= 1e30) {
             return Err(Error::invalid(at, "a number of the sensor is not finite, or larger than 1e30"));
         }
         let normal = DVec3::new(nx, ny, nz)

@@ -12,12 +12,12 @@
 //! is. Triangles that the solution divides are divided here too. Limits: diffuse light only, highlights are spread over all
 //! directions; light beyond the screen's range is cut off. Guarded by `baked_colours_are_the_light`. Source: our reading.
 
-use std::collections::HashMap;
 use std::f64::consts::PI;
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
+use super::surface::Surface;
 use super::{Readout, SIDES, lanes};
 use crate::film::ToneMap;
 use crate::geometry::{Mesh, Side};
@@ -43,6 +43,9 @@ pub struct BakedPart {
     pub colors: Vec<[f32; 3]>,
 }
 
+/// Values by wavelength of the solution.
+type Spectral<'a> = &'a dyn Fn(usize) -> f64;
+
 impl Readout<'_> {
     /// Every side of every shape, light's own bodies excepted. The solution must hold the wavelengths of
     /// [`Band::VISIBLE`] at this step.
@@ -56,7 +59,7 @@ impl Readout<'_> {
             .iter()
             .map(|&(i, dl)| (i, to_rgb * DVec3::from(Observer::Cie1931.cmf(wavelengths[i])) * (dl / width)))
             .collect();
-        let color = |radiance: &dyn Fn(usize) -> f64| {
+        let color = |radiance: Spectral| {
             let rgb = weights.iter().fold(DVec3::ZERO, |sum, (i, w)| sum + *w * radiance(*i));
             tone_map.encode(rgb.as_vec3().to_array(), exposure_ev).map(srgb_decode)
         };
@@ -77,11 +80,11 @@ impl Readout<'_> {
         self.scene.shapes[shape].key.starts_with("lights.")
     }
 
-    fn side(&self, shape: usize, side: Side, color: &dyn Fn(&dyn Fn(usize) -> f64) -> [f32; 3]) -> BakedPart {
+    fn side(&self, shape: usize, side: Side, color: &dyn Fn(Spectral) -> [f32; 3]) -> BakedPart {
         let s = &self.scene.shapes[shape];
         let glow = self.glow(s, side);
         let count = self.radiosity.wavelengths_nm().len();
-        let (mut mesh, values) = self.surface(shape, side);
+        let Surface { mut mesh, values, .. } = self.surface(shape, side, Quantity::Leaving);
         turn(&mut mesh, side);
         let radiance = |v: &[f32]| color(&|i| f64::from(v[i]) / PI + glow[i]);
         let colors = values.chunks(count).map(radiance).collect();
@@ -96,55 +99,6 @@ impl Readout<'_> {
         let Some(emitter) = shape.emitter else { return vec![0.0; wavelengths.len()] };
         let of = |l| self.scene.lights.emitted(emitter, Vec3::Z, wo, &l).0;
         lanes(wavelengths).into_iter().flat_map(of).map(f64::from).take(wavelengths.len()).collect()
-    }
-
-    /// A mesh as fine as the solution, and the radiosity of its vertices at all wavelengths.
-    fn surface(&self, shape: usize, side: Side) -> (Mesh, Vec<f32>) {
-        let own = &self.scene.shapes[shape].mesh;
-        let facets = self.radiosity.elements().facets();
-        let parts = |face: u32| facets.of_face(shape as u32, face);
-        let faces = own.triangles.len() as u32;
-        if (0..faces).all(|f| parts(f).is_none_or(|p| p.1 == 1)) {
-            let values = self.radiosity.vertices(self.scene, shape as u32, side, Quantity::Leaving);
-            return (Mesh { uvs: Vec::new(), ..own.clone() }, values);
-        }
-        let count = self.radiosity.wavelengths_nm().len();
-        let (mut mesh, mut values, mut meeting) = (Mesh::default(), Vec::new(), Vec::new());
-        let mut known: HashMap<[u32; 6], u32> = HashMap::new();
-        for (face, (first, n)) in (0..faces).filter_map(|f| Some((f, parts(f)?))) {
-            for facet in first..first + n {
-                let (corners, weights) = facets.corners(self.scene, facet);
-                let element = self.radiosity.elements().of_facet(facet);
-                let normals = own.triangles[face as usize].map(|i| own.normals.get(i as usize));
-                let triangle = [0, 1, 2].map(|k| {
-                    let b = weights[k];
-                    let normal = match normals {
-                        [Some(p), Some(q), Some(r)] => (*p * b.x + *q * b.y + *r * b.z).normalize_or_zero(),
-                        _ => face_normal(own, face as usize).normalize_or_zero(),
-                    };
-                    let key = [corners[k], normal].map(|v| (v + Vec3::ZERO).to_array().map(f32::to_bits));
-                    let key: [u32; 6] = std::array::from_fn(|i| key[i / 3][i % 3]);
-                    let vertex = *known.entry(key).or_insert_with(|| {
-                        mesh.positions.push(corners[k]);
-                        mesh.normals.push(normal);
-                        values.resize(mesh.positions.len() * count, 0.0f32);
-                        meeting.push(0u32);
-                        meeting.len() as u32 - 1
-                    });
-                    let at = self.radiosity.at(element, side, corners[k], Quantity::Leaving);
-                    for (sum, v) in values[vertex as usize * count..].iter_mut().zip(at) {
-                        *sum += v;
-                    }
-                    meeting[vertex as usize] += 1;
-                    vertex
-                });
-                mesh.triangles.push(triangle);
-            }
-        }
-        for (values, n) in values.chunks_mut(count).zip(meeting) {
-            values.iter_mut().for_each(|v| *v /= n as f32);
-        }
-        (mesh, values)
     }
 }
 

@@ -9,6 +9,7 @@
 pub mod balance;
 pub mod bake;
 pub mod sensor;
+mod surface;
 pub mod table;
 pub mod view;
 

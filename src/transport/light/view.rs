@@ -1,8 +1,8 @@
 //! A picture of the light on what the camera sees, in false colours.
 //!
 //! Model: rays through random points of each pixel; the colour is that of the quantity on the side that is seen, at the
-//! point that is met, in one band, as the solution has it (linear within elements); the colours of a pixel's rays are
-//! averaged, so edges are smooth and no value is mixed with its background. Lights and the background are grey. The scale
+//! point that is met, in one band: linear between the values at vertices (`surface.rs`). The colours of a pixel's rays are averaged, so edges are smooth and no value
+//! is mixed with its background. Lights and the background are grey. The scale
 //! ends at a round number that a hundredth of the seen points may exceed. Guarded by `the_view_shows_the_irradiance`.
 
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -10,7 +10,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use glam::{UVec2, Vec2};
 use rayon::prelude::*;
 
-use super::Readout;
+use super::surface::Surface;
+use super::{Readout, SIDES};
 use crate::geometry::Side;
 use crate::io::false_color::{self, Scale};
 use crate::math::Sampler;
@@ -47,6 +48,9 @@ pub struct View {
     pub values: Vec<f32>,
 }
 
+/// A side of a shape, and what is shown at its vertices.
+type Shown = (Surface, Vec<f32>);
+
 impl Readout<'_> {
     /// What the camera sees.
     pub fn view(&self, settings: &ViewSettings, progress: &dyn Progress) -> Result<View> {
@@ -59,6 +63,7 @@ impl Readout<'_> {
         if size > 1 << 28 {
             return Err(Error::invalid("film", format!("{size} rays of the map are more than 2^28")));
         }
+        let surfaces = self.shown_surfaces(settings);
         let mut values = vec![f32::NAN; size as usize];
         let done = AtomicU64::new(0);
         let row = width as usize * settings.samples as usize;
@@ -69,7 +74,7 @@ impl Readout<'_> {
             for (x, pixel) in row.chunks_mut(settings.samples as usize).enumerate() {
                 let pixel_at = UVec2::new(x as u32, y as u32);
                 for (i, value) in (0..).zip(pixel) {
-                    *value = self.seen(pixel_at, i, settings).unwrap_or(f32::NAN);
+                    *value = self.seen(pixel_at, i, &surfaces).unwrap_or(f32::NAN);
                 }
             }
             progress.advance(done.fetch_add(1, Ordering::Relaxed) + 1, u64::from(height));
@@ -80,19 +85,34 @@ impl Readout<'_> {
         Ok(View { width, height, values })
     }
 
-    fn seen(&self, pixel: UVec2, index: u32, settings: &ViewSettings) -> Option<f32> {
+    /// The sides of the shapes that do not glow, with what is shown at their vertices.
+    fn shown_surfaces(&self, settings: &ViewSettings) -> Vec<Option<[Shown; 2]>> {
+        let count = self.radiosity.wavelengths_nm().len();
+        let of_side = |shape: usize, side: Side| {
+            let mut surface = self.surface(shape, side, settings.quantity);
+            let shown = surface.values.chunks(count).map(|v| self.shown(settings, v)).collect();
+            surface.values = Vec::new();
+            (surface, shown)
+        };
+        let lit = |s: usize| self.scene.shapes[s].emitter.is_none();
+        let of_shape = |s: usize| lit(s).then(|| SIDES.map(|side| of_side(s, side)));
+        (0..self.scene.shapes.len()).into_par_iter().map(of_shape).collect()
+    }
+
+    fn shown(&self, settings: &ViewSettings, values: &[f32]) -> f32 {
+        self.flux(settings.band, |i| f64::from(values[i]))[usize::from(settings.photons)] as f32
+    }
+
+    fn seen(&self, pixel: UVec2, index: u32, surfaces: &[Option<[Shown; 2]>]) -> Option<f32> {
         let mut sampler = Sampler::new(0, pixel, index);
         let size = Vec2::new(self.scene.film.width as f32, self.scene.film.height as f32);
         let place = (pixel.as_vec2() + sampler.next_2d()) / size;
         let ray = self.scene.camera.ray(place, sampler.next_2d()).ray;
         let at = self.scene.intersect(&ray)?;
-        if self.scene.shapes[at.shape as usize].emitter.is_some() {
-            return None;
-        }
         let side = if at.ng.dot(ray.direction) < 0.0 { Side::Adaxial } else { Side::Abaxial };
-        let element = self.radiosity.elements().hit(&at)?;
-        let values = self.radiosity.at(element, side, at.p, settings.quantity);
-        Some(self.flux(settings.band, |i| f64::from(values[i]))[usize::from(settings.photons)] as f32)
+        let (surface, shown) = &surfaces[at.shape as usize].as_ref()?[side as usize];
+        let (corners, b) = self.corners_at(surface, &at)?;
+        Some((0..3).map(|k| b[k] * shown[corners[k] as usize]).sum())
     }
 
     /// The map as PNG bytes, with a bar that says what the colours mean.
@@ -113,12 +133,12 @@ impl Readout<'_> {
         let pixels: Vec<[f32; 3]> = view.values.chunks(settings.samples as usize).map(mean).collect();
         let what = match settings.quantity {
             Quantity::Incident => "irradiance",
-            Quantity::Absorbed => "absorbed light",
-            Quantity::Transmitted => "transmitted light",
+            Quantity::Absorbed => "absorbed",
+            Quantity::Transmitted => "transmitted",
             Quantity::Leaving => "radiosity",
         };
         let unit = if settings.photons { "µmol m⁻² s⁻¹" } else { "W m⁻²" };
-        let caption = format!("{what} of the side that is seen, {} nm, {unit}", self.bands[settings.band]);
+        let caption = format!("{what}, {unit}, {} nm", self.bands[settings.band]);
         false_color::write_colors(&pixels, view.width as usize, scale, &caption)
     }
 }
