@@ -9,7 +9,7 @@ use super::sensors_csv::Reading;
 use crate::Result;
 
 /// Name, unit or description, and value.
-type Column<F> = (&'static str, &'static str, F);
+type Column<T, V> = (&'static str, &'static str, fn(&T) -> V);
 
 /// Writes a table, and readings of sensors in its bands if there are any.
 pub fn write(table: &LightTable, readings: &[Reading]) -> Result<Vec<u8>> {
@@ -47,7 +47,7 @@ pub fn write(table: &LightTable, readings: &[Reading]) -> Result<Vec<u8>> {
     let all = [group, side, band];
     let light = |of: &dyn Fn(&Flux) -> f64| Values::Float(table.light.iter().map(|f| of(f) as f32).collect());
     for (u, (suffix, unit)) in [("w_m2", "W m-2"), ("umol_m2_s", "umol m-2 s-1")].into_iter().enumerate() {
-        let of: [Column<fn(&Flux) -> [f64; 2]>; 3] = [
+        let of: [Column<Flux, [f64; 2]>; 3] = [
             ("incident", "light that arrives on the side", |f| f.incident),
             ("absorbed", "what of it is absorbed", |f| f.absorbed),
             ("transmitted", "what of it leaves from the other side", |f| f.transmitted),
@@ -72,7 +72,7 @@ pub fn write(table: &LightTable, readings: &[Reading]) -> Result<Vec<u8>> {
 fn sensors(d: &mut Dataset, band: usize, readings: &[Reading]) {
     let sensor = d.dimension("sensor", readings.len());
     d.texts("sensor_name", sensor, "name of the sensor", readings.iter().map(|r| r.sensor.name.as_str()));
-    let columns: [Column<fn(&Reading) -> f64>; 6] = [
+    let columns: [Column<Reading, f64>; 6] = [
         ("sensor_x_mm", "mm", |r| r.sensor.position_mm.x),
         ("sensor_y_mm", "mm", |r| r.sensor.position_mm.y),
         ("sensor_z_mm", "mm", |r| r.sensor.position_mm.z),
