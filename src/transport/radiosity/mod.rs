@@ -626,7 +626,7 @@ impl Radiosity {
             lambda,
             |n, e| {
                 let (own, c) = (n / self.chunks, n % self.chunks);
-                let side = if own % 2 == 0 { Side::Adaxial } else { Side::Abaxial };
+                let side = if own.is_multiple_of(2) { Side::Adaxial } else { Side::Abaxial };
                 self.quantity(e, side, c, Quantity::Leaving, |n| self.incident_at(n, at.p))
             },
             side,
