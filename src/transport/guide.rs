@@ -151,7 +151,7 @@ impl Guide {
 }
 
 fn side(node: usize) -> Side {
-    if node % 2 == 0 { Side::Adaxial } else { Side::Abaxial }
+    if node.is_multiple_of(2) { Side::Adaxial } else { Side::Abaxial }
 }
 
 /// What light of single lights is computed from.

@@ -1,5 +1,7 @@
 //! Scenes whose light is known.
 
+use glam::Vec3;
+
 use super::testing::{compiled, scene};
 use super::*;
 use crate::transport::NoProgress;
@@ -251,4 +253,41 @@ fn false_triangles_warn_and_change_nothing() {
     let whole = run(&clean, &mut Vec::new());
     let sum = |r: &Radiosity| r.ledger().absorbed_total()[0];
     assert!((sum(&damaged) / sum(&whole) - 1.0).abs() < 1e-3, "{} {}", sum(&damaged), sum(&whole));
+}
+
+#[test]
+fn elements_follow_a_shadow() {
+    // A small roof over a floor under a narrow sun: elements at the shadow's edge are smaller than far from it.
+    let s = compiled(
+        r#"
+        [materials.grey]
+        type = "lambert"
+        reflectance = 0.5
+        [shapes.floor]
+        type = "quad"
+        width_mm = 100
+        height_mm = 100
+        material = "grey"
+        [shapes.roof]
+        type = "quad"
+        width_mm = 30
+        height_mm = 30
+        position_mm = [0, 0, 10]
+        material = "grey"
+        [lights.sun]
+        type = "distant"
+        elevation_deg = 90
+        irradiance = 1
+        "#,
+    );
+    let r = solved(&s, &settings(1000, 4, 16));
+    let (mut near, mut far) = ((0.0, 0), (0.0, 0));
+    for e in r.elements().list().iter().filter(|e| s.shapes[e.shape as usize].key.contains("floor")) {
+        let c = e.centre.abs();
+        let edge = (c.x.max(c.y) - 15.0).abs();
+        let sum = if edge < 2.0 { &mut near } else { &mut far };
+        *sum = (sum.0 + e.area_mm2, sum.1 + 1);
+    }
+    let (near, far) = (near.0 / near.1 as f32, far.0 / far.1 as f32);
+    assert!(near < 0.7 * far, "{near} {far}");
 }
