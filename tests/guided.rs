@@ -57,7 +57,6 @@ fn guided_rose_is_the_rose() {
     let z: Vec<f64> = plain.iter().zip(&guided).map(z).collect();
     let square = z.iter().map(|z| z * z).sum::<f64>() / z.len() as f64;
     let worst = z.iter().fold(0.0f64, |m, z| m.max(z.abs()));
-    println!("all: {:.2?} sigma; mean of squares {square:.2}, worst {worst:.2}", &z[z.len() - 3..]);
     // Student's t of about 18 degrees of freedom; 111 numbers, colours of a block hang together.
     assert!(z[z.len() - 3..].iter().all(|z| z.abs() < 3.0), "{z:?}");
     assert!(square < 1.8 && worst < 4.6, "{square} {worst}");
