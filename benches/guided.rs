@@ -4,6 +4,8 @@
 //! turns with eight seeds each. Error: mean over the pixels of the variance of their luminance over (mean^2 + 0.01). CPU
 //! seconds are the thread's own (Linux: `/proc/thread-self/schedstat`), and wall clock elsewhere.
 
+#![expect(clippy::print_stdout, reason = "a bench tells what it measures")]
+
 use std::sync::Arc;
 use std::time::Instant;
 
