@@ -113,6 +113,9 @@ fn follow(scene: &Scene, solution: &Radiosity, walks: u32) -> Walks {
     out
 }
 
+/// Power that a patch absorbs, and its nodes.
+type Patch = (f64, Vec<usize>);
+
 /// Power of some nodes together: mean and standard error.
 fn power(walks: &Walks, nodes: impl Iterator<Item = usize>) -> (f64, f64) {
     let (sum, squares) = nodes.map(|n| walks.absorbed[n]).fold((0.0, 0.0), |(s, q), (a, b)| (s + a, q + b));
@@ -140,7 +143,7 @@ fn compare(detail: f64, walks: u32, settings: &RadiositySettings, per_petal: f64
             100.0 * off
         );
     }
-    let mut patches: BTreeMap<(u32, usize, u32, u32), (f64, Vec<usize>)> = BTreeMap::new();
+    let mut patches: BTreeMap<(u32, usize, u32, u32), Patch> = BTreeMap::new();
     for (e, element) in list.iter().enumerate() {
         if scene.shapes[element.shape as usize].petal_id == 0 {
             continue;
