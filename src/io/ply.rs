@@ -295,7 +295,7 @@ mod tests {
     #[test]
     fn colours_are_levels_of_srgb() {
         let [(a, mesh), _] = two_parts();
-        let colors = vec![vec![[0.214_041, 2.0, f32::NAN]; mesh.positions.len()]];
+        let colors = vec![vec![[0.215_86, 2.0, f32::NAN]; mesh.positions.len()]];
         let bytes = write_colored(&[(a, &mesh)], &colors).unwrap();
         assert_eq!(bytes.windows(3).filter(|w| w == &[128, 255, 0]).count(), mesh.positions.len());
         assert_eq!(read(&bytes).unwrap(), mesh);
