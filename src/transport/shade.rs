@@ -12,6 +12,7 @@ use std::f32::consts::FRAC_1_PI;
 use glam::Vec3;
 
 use super::PixelRay;
+use super::direct::Onward;
 use crate::bsdf::Bsdf;
 use crate::geometry::{Interaction, Side};
 use crate::gonio::AtPigment;
@@ -172,36 +173,34 @@ impl<'a> Shading<'a> {
         }
     }
 
-    /// As [`Shading::sample`], for the rest S. `None` where there is none.
-    pub(super) fn sample_rest(&self, lambda: &SampledWavelengths, sampler: &mut Sampler) -> Option<Next> {
-        let draw = |bsdf: &dyn Bsdf, sampler: &mut Sampler| {
-            let u_lobe = sampler.next_1d();
-            let s = bsdf.sample_rest(self.wo_local, lambda, u_lobe, sampler.next_2d())?;
-            Some((s.wi, s.weight(), Some(s.pdf_per_sr)))
-        };
-        let drawn = match &self.model {
-            Model::Bsdf(bsdf) => draw(*bsdf, sampler)?,
-            Model::Tabulated(petal) => draw(petal, sampler)?,
-            Model::Cells(petal) => {
-                let (wi, weight) = petal.scatter_rest_at(self.wo_local, lambda, self.footprint, sampler)?;
-                (wi, weight, None)
-            }
-        };
-        self.next(drawn)
-    }
-
     /// Draws where light comes from.
     pub(super) fn sample(&self, lambda: &SampledWavelengths, sampler: &mut Sampler) -> Option<Next> {
-        let draw = |bsdf: &dyn Bsdf, sampler: &mut Sampler| {
+        self.draw(Onward::Whole, lambda, sampler)
+    }
+
+    /// As [`Shading::sample`], for the rest S. `None` where there is none.
+    pub(super) fn sample_rest(&self, lambda: &SampledWavelengths, sampler: &mut Sampler) -> Option<Next> {
+        self.draw(Onward::Rest, lambda, sampler)
+    }
+
+    fn draw(&self, onward: Onward, lambda: &SampledWavelengths, sampler: &mut Sampler) -> Option<Next> {
+        let of = |bsdf: &dyn Bsdf, sampler: &mut Sampler| {
             let u_lobe = sampler.next_1d();
-            let s = bsdf.sample(self.wo_local, lambda, u_lobe, sampler.next_2d())?;
+            let u = sampler.next_2d();
+            let s = match onward {
+                Onward::Whole => bsdf.sample(self.wo_local, lambda, u_lobe, u)?,
+                Onward::Rest => bsdf.sample_rest(self.wo_local, lambda, u_lobe, u)?,
+            };
             Some((s.wi, s.weight(), Some(s.pdf_per_sr)))
         };
         let drawn = match &self.model {
-            Model::Bsdf(bsdf) => draw(*bsdf, sampler)?,
-            Model::Tabulated(petal) => draw(petal, sampler)?,
+            Model::Bsdf(bsdf) => of(*bsdf, sampler)?,
+            Model::Tabulated(petal) => of(petal, sampler)?,
             Model::Cells(petal) => {
-                let (wi, weight) = petal.scatter_at(self.wo_local, lambda, self.footprint, sampler)?;
+                let (wi, weight) = match onward {
+                    Onward::Whole => petal.scatter_at(self.wo_local, lambda, self.footprint, sampler)?,
+                    Onward::Rest => petal.scatter_rest_at(self.wo_local, lambda, self.footprint, sampler)?,
+                };
                 (wi, weight, None)
             }
         };
