@@ -2,7 +2,7 @@
 //!
 //! Model: the picture lies in a plane at unit distance along the viewing direction, its height
 //! `2 tan(fov / 2)`; a ray goes from the eye through a point of it. The thin lens moves the ray's start
-//! over the aperture's disc and keeps the point where it meets the sharp plane.
+//! over its opening ([`Aperture`]) and keeps the point where the ray meets the sharp plane.
 //!
 //! The footprint of one pixel at distance t is taken as the disc of equal area across the ray; its radius is
 //! `spread * t`, with `spread = sqrt(A cos^3(theta) / pi)` for a pixel of area A in that plane at angle theta
@@ -12,8 +12,8 @@ use std::f32::consts::PI;
 
 use glam::{Vec2, Vec3};
 
+use super::aperture::Aperture;
 use crate::geometry::Ray;
-use crate::math::warp;
 
 /// A ray from the camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,7 +33,7 @@ pub struct Camera {
     right: Vec3,
     /// Up in the picture, as long as half its height at unit distance.
     up: Vec3,
-    lens_radius_mm: f32,
+    aperture: Aperture,
     focus_mm: f32,
     pixel_area: f32,
 }
@@ -51,8 +51,8 @@ pub struct CameraSettings {
     pub fov: f32,
     /// Size of the picture, pixels.
     pub film_px: [u32; 2],
-    /// Radius of the aperture, mm; 0 is a pinhole.
-    pub lens_radius_mm: f32,
+    /// Opening of the lens.
+    pub aperture: Aperture,
     /// Distance of the sharp plane along `forward`, mm.
     pub focus_mm: f32,
 }
@@ -68,7 +68,7 @@ impl Camera {
             forward: s.forward,
             right: right * (half_height * width / height),
             up: right.cross(s.forward) * half_height,
-            lens_radius_mm: s.lens_radius_mm,
+            aperture: s.aperture,
             focus_mm: s.focus_mm,
             pixel_area: (2.0 * half_height / height).powi(2),
         }
@@ -80,10 +80,10 @@ impl Camera {
         let through = self.forward + self.right * (2.0 * film.x - 1.0) + self.up * (1.0 - 2.0 * film.y);
         let cos = 1.0 / through.length();
         let spread = (self.pixel_area * cos.powi(3) / PI).sqrt();
-        if self.lens_radius_mm == 0.0 {
+        if self.aperture.radius_mm == 0.0 {
             return CameraRay { ray: Ray::new(self.eye, through * cos), spread };
         }
-        let lens = warp::square_to_disc(u_lens) * self.lens_radius_mm;
+        let lens = self.aperture.sample(u_lens);
         let start = self.right.normalize_or_zero() * lens.x + self.up.normalize_or_zero() * lens.y;
         let direction = (through * self.focus_mm - start).normalize_or(self.forward);
         CameraRay { ray: Ray::new(self.eye + start, direction), spread }
@@ -123,7 +123,7 @@ mod tests {
             up: Vec3::Z,
             fov: 0.7,
             film_px: [320, 200],
-            lens_radius_mm: 0.0,
+            aperture: Aperture::default(),
             focus_mm: 150.0,
         }
     }
@@ -152,7 +152,8 @@ mod tests {
 
     #[test]
     fn lens_is_sharp_in_its_plane_only() {
-        let c = Camera::new(&CameraSettings { lens_radius_mm: 5.0, ..settings() });
+        let aperture = Aperture { radius_mm: 5.0, ..Aperture::default() };
+        let c = Camera::new(&CameraSettings { aperture, ..settings() });
         let film = Vec2::new(0.8, 0.3);
         let point = |u: Vec2, depth: f32| {
             let r = c.ray(film, u).ray;

@@ -6,10 +6,9 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use super::assets::{Assets, HashedAssets};
-use super::camera::{Camera, CameraSettings};
+use super::camera::Camera;
 use super::description::{
-    CameraDescription, CameraType, FilmDescription, PetalDescription, RenderDescription, RoseMaterials,
-    SceneDescription, ShapeDescription,
+    FilmDescription, PetalDescription, RenderDescription, RoseMaterials, SceneDescription, ShapeDescription,
 };
 use super::emitter::{Emitter, Lights};
 use super::hash::Fnv128;
@@ -17,7 +16,7 @@ use super::key::Key;
 use super::locate::nearest;
 use super::material::Material;
 use super::shape::{self, Shape};
-use super::{description, light};
+use super::{description, lens, light};
 use crate::flower::OrganKind;
 use crate::geometry::bvh::Bvh;
 use crate::{Error, Result};
@@ -56,7 +55,8 @@ pub fn compile(description: &SceneDescription, assets: &dyn Assets) -> Result<Sc
     check_film(&description.film)?;
     check_render(&description.render)?;
     let petal = Arc::new(description.petal.build("petal", &assets)?);
-    let camera = camera(&description.camera, [description.film.width, description.film.height])?;
+    let film_px = [description.film.width, description.film.height];
+    let camera = Camera::new(&lens::compile(&description.camera, film_px)?);
 
     let mut compiler = Compiler {
         materials: Vec::new(),
@@ -218,60 +218,6 @@ fn check_render(render: &RenderDescription) -> Result<()> {
     key.at("residual").within(r.residual, 1e-12..=0.999, "within 1e-12 to 0.999")?;
     key.at("near").within(r.near, 0.0..=1e6, "within 0 to 1e6")?;
     Ok(())
-}
-
-fn camera(d: &CameraDescription, film_px: [u32; 2]) -> Result<Camera> {
-    let key = Key::new("camera");
-    let eye = key.at("position_mm").vector(d.position_mm)?;
-    let target = key.at("target_mm").vector(d.target_mm)?;
-    let forward = (target - eye)
-        .try_normalize()
-        .ok_or_else(|| key.at("target_mm").invalid("the camera stands on its target, so it looks nowhere"))?;
-    let up = key.at("up").direction(d.up)?;
-    if forward.cross(up).length() < 1e-6 {
-        return Err(key.at("up").invalid("the camera looks along `up`; choose another direction as up"));
-    }
-    let fov = key.at("fov_deg").within(d.fov_deg, 0.01..=179.0, "within 0.01 to 179 degrees")?.to_radians();
-    let lens_radius = match (d.r#type, d.aperture_radius_mm, d.f_number) {
-        (CameraType::Pinhole, None, None) => 0.0,
-        (CameraType::Pinhole, radius, _) => {
-            let name = if radius.is_some() { "aperture_radius_mm" } else { "f_number" };
-            return Err(key.at(name).invalid("a pinhole has no aperture; set camera.type = \"thin_lens\""));
-        }
-        (CameraType::ThinLens, Some(radius), None) => key.at("aperture_radius_mm").not_negative(radius)?,
-        (CameraType::ThinLens, None, Some(number)) => {
-            let sensor = key.at("sensor_height_mm").positive(d.sensor_height_mm)?;
-            let focal_length = sensor / 2.0 / (fov / 2.0).tan();
-            focal_length / (2.0 * key.at("f_number").positive(number)?)
-        }
-        (CameraType::ThinLens, ..) => {
-            return Err(key
-                .at("type")
-                .invalid("a thin lens needs either `f_number` or `aperture_radius_mm`"));
-        }
-    };
-    let focus = match (d.focus_mm, d.focus_point_mm) {
-        (None, None) => (target - eye).length(),
-        (Some(distance), None) => key.at("focus_mm").positive(distance)?,
-        (None, Some(p)) => {
-            let key = key.at("focus_point_mm");
-            let depth = (key.vector(p)? - eye).dot(forward);
-            key.within(depth, 1e-9.., "in front of the camera")
-                .map_err(|_| key.invalid("the point lies behind the camera"))?
-        }
-        (Some(_), Some(_)) => {
-            return Err(key.at("focus_mm").invalid("give `focus_mm` or `focus_point_mm`, not both"));
-        }
-    };
-    Ok(Camera::new(&CameraSettings {
-        eye: eye.as_vec3(),
-        forward: forward.as_vec3().normalize(),
-        up: up.as_vec3(),
-        fov: fov as f32,
-        film_px,
-        lens_radius_mm: lens_radius as f32,
-        focus_mm: focus as f32,
-    }))
 }
 
 fn bounds<'a>(shapes: impl Iterator<Item = &'a Shape>) -> (Vec3, Vec3) {

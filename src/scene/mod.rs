@@ -12,6 +12,7 @@ pub mod description;
 pub mod locate;
 pub mod load;
 pub mod assets;
+pub mod aperture;
 pub mod camera;
 pub mod environment;
 pub mod emitter;
@@ -29,11 +30,13 @@ pub mod totals;
 mod color;
 mod hash;
 mod key;
+mod lens;
 mod light;
 
 #[cfg(test)]
 mod tests;
 
+pub use aperture::Aperture;
 pub use assets::{Assets, DiskAssets, MeasureOptics, MemoryAssets};
 pub use camera::{Camera, CameraRay};
 pub use compile::{Scene, compile};

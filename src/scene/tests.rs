@@ -143,22 +143,17 @@ fn cameras() {
         ("target_mm = [0, 50, -10]\nup = [0, 5, -1]", "camera.up", 8, "looks along"),
         ("fov_deg = 180", "camera.fov_deg", 7, "179"),
         ("fov_deg = 0", "camera.fov_deg", 7, "0.01"),
-        ("f_number = 2", "camera.f_number", 7, "thin_lens"),
-        ("type = \"thin_lens\"", "camera.type", 7, "f_number"),
-        ("type = \"thin_lens\"\naperture_radius_mm = -1", "camera.aperture_radius_mm", 8, "zero or more"),
-        ("type = \"thin_lens\"\nf_number = 2\nfocus_mm = 0", "camera.focus_mm", 9, "above 0"),
-        (
-            "type = \"thin_lens\"\nf_number = 2\nfocus_point_mm = [0, -90, 10]",
-            "camera.focus_point_mm",
-            9,
-            "behind",
-        ),
+        ("f_number = 0", "camera.f_number", 7, "above 0"),
+        ("aperture_radius_mm = -1", "camera.aperture_radius_mm", 7, "zero or more"),
+        ("f_number = 2\nfocus_mm = 0", "camera.focus_mm", 8, "above 0"),
+        ("fov_deg = 9\nfocal_length_mm = 85", "camera.focal_length_mm", 8, "not both"),
+        ("f_number = 2\nfocus_point_mm = [0, -90, 10]", "camera.focus_point_mm", 8, "behind"),
     ] {
         let e = fails(&camera(keys), &[]);
         assert_eq!((e.key.as_str(), e.line), (key, Some(line)), "{e}");
         assert!(e.what.contains(what), "{e}");
     }
-    let lens = camera("type = \"thin_lens\"\nf_number = 2.8\nfov_deg = 30");
+    let lens = camera("f_number = 2.8\nfov_deg = 30\nblades = 7");
     assert!(compiled(&lens, &[], &MemoryAssets::default()).is_ok());
 }
 

@@ -19,7 +19,7 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-pub use camera::{CameraDescription, CameraType};
+pub use camera::CameraDescription;
 pub use color::{SpectrumDescription, SpectrumTable};
 pub use film::FilmDescription;
 pub use light::{
