@@ -15,6 +15,7 @@
 //! next petal at the same azimuth. Guarded by `few_petals_cross`.
 
 pub mod bloom;
+pub mod crossings;
 pub mod petal;
 pub mod phyllotaxis;
 pub mod rose;
