@@ -274,9 +274,8 @@ fn encode(format: &str, film: &Film, scene: &Scene, metadata: &io::exr::Metadata
     if format == "exr" {
         return io::exr::write(film, metadata);
     }
-    let size = (film.width(), film.height());
-    let exposure_ev = scene.film.exposure_ev as f32;
-    io::png::write(size, &film.beauty(), scene.film.tone_map, exposure_ev, io::png::Depth::Eight)
+    let screen = scene.view.develop(film, &film.beauty());
+    io::png::write_screen((film.width(), film.height()), &screen, io::png::Depth::Eight)
 }
 
 #[cfg(test)]

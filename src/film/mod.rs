@@ -5,7 +5,9 @@
 pub mod film;
 pub mod filter;
 pub mod tonemap;
+pub mod view;
 
 pub use film::{Film, FilmSample, Pixel, PixelRect};
 pub use filter::{Filter, FilterSample};
 pub use tonemap::ToneMap;
+pub use view::View;

@@ -23,16 +23,22 @@ pub enum Depth {
 
 /// Writes linear sRGB light, row by row, through a tone curve.
 pub fn write(
-    (width, height): (u32, u32),
+    size: (u32, u32),
     rgb: &[[f32; 3]],
     tone_map: ToneMap,
     exposure_ev: f32,
     depth: Depth,
 ) -> Result<Vec<u8>> {
+    let screen: Vec<[f32; 3]> = rgb.iter().map(|&rgb| tone_map.encode(rgb, exposure_ev)).collect();
+    write_screen(size, &screen, depth)
+}
+
+/// Writes sRGB-encoded colours, each channel in [0, 1], row by row.
+pub fn write_screen((width, height): (u32, u32), rgb: &[[f32; 3]], depth: Depth) -> Result<Vec<u8>> {
     if width == 0 || height == 0 || rgb.len() as u64 != u64::from(width) * u64::from(height) {
         return Err(invalid(FORMAT, format_args!("{} pixels do not make {width} x {height}", rgb.len())));
     }
-    let levels = rgb.iter().flat_map(|&rgb| tone_map.encode(rgb, exposure_ev));
+    let levels = rgb.iter().flatten();
     let data: Vec<u8> = match depth {
         Depth::Eight => levels.map(|v| (v * 255.0 + 0.5) as u8).collect(),
         Depth::Sixteen => levels.flat_map(|v| ((v * 65535.0 + 0.5) as u16).to_be_bytes()).collect(),

@@ -99,6 +99,11 @@ impl Camera {
         self.forward
     }
 
+    /// Tangent of half the angle of the picture's height.
+    pub fn tan_half_fov(&self) -> f32 {
+        self.up.length()
+    }
+
     /// Where a point appears, as `film` of [`Camera::ray`] for the pinhole; `None` behind the eye.
     pub fn project(&self, p: Vec3) -> Option<Vec2> {
         let v = p - self.eye;

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use glam::Vec3;
+use glam::{Mat3, Vec3};
 
 use super::assets::{Assets, HashedAssets};
 use super::camera::Camera;
@@ -17,9 +17,14 @@ use super::locate::nearest;
 use super::material::Material;
 use super::shape::{self, Shape};
 use super::{description, lens, light};
+use crate::film::View;
+use crate::film::view::white_balance;
 use crate::flower::OrganKind;
 use crate::geometry::bvh::Bvh;
 use crate::{Error, Result};
+
+/// Temperature of D65, K, which is white where no white balance is asked for.
+const D65_K: f64 = 6504.0;
 
 /// All that a picture needs, checked and ready.
 #[derive(Debug)]
@@ -32,6 +37,8 @@ pub struct Scene {
     pub petal: PetalDescription,
     /// Where the picture is taken from.
     pub camera: Camera,
+    /// How its light is shown.
+    pub view: View,
     /// Every mesh; a hit's `shape` is an index into it.
     pub shapes: Vec<Shape>,
     /// Every material; a shape's `material` is an index into it.
@@ -52,11 +59,12 @@ pub struct Scene {
 /// [`Source::locate`](super::Source::locate) finds its line.
 pub fn compile(description: &SceneDescription, assets: &dyn Assets) -> Result<Scene> {
     let assets = HashedAssets::new(assets, hash_of(description)?);
-    check_film(&description.film)?;
     check_render(&description.render)?;
+    check_film(&description.film)?;
     let petal = Arc::new(description.petal.build("petal", &assets)?);
     let film_px = [description.film.width, description.film.height];
     let camera = Camera::new(&lens::compile(&description.camera, film_px)?);
+    let view = view(&description.film, &camera, description.render.seed)?;
 
     let mut compiler = Compiler {
         materials: Vec::new(),
@@ -97,6 +105,7 @@ pub fn compile(description: &SceneDescription, assets: &dyn Assets) -> Result<Sc
         render: description.render.clone(),
         petal: description.petal.clone(),
         camera,
+        view,
         shapes: compiler.shapes,
         materials: compiler.materials,
         material_keys: compiler.material_keys,
@@ -166,7 +175,7 @@ impl Compiler {
                 uv_scale_mm: glam::Vec2::ZERO,
             });
         }
-        self.emitters.push(compiled.emitter);
+        self.emitters.extend(compiled.emitters);
         Ok(())
     }
 
@@ -202,8 +211,29 @@ fn check_film(film: &FilmDescription) -> Result<()> {
     if let Some(radius) = film.filter_radius_px {
         key.at("filter_radius_px").within(radius, 0.1..=16.0, "within 0.1 to 16 pixels")?;
     }
-    key.at("exposure_ev").within(film.exposure_ev, -50.0..=50.0, "within -50 to 50 stops")?;
     Ok(())
+}
+
+fn view(film: &FilmDescription, camera: &Camera, seed: u64) -> Result<View> {
+    let key = Key::new("film");
+    let exposure = key.at("exposure_ev").within(film.exposure_ev, -50.0..=50.0, "within -50 to 50 stops")?;
+    let tint = key.at("tint").within(film.tint, -150.0..=150.0, "within -150 to 150")?;
+    let vignetting = key.at("vignetting").within(film.vignetting, 0.0..=20.0, "within 0 to 20")?;
+    let grain = key.at("grain").within(film.grain, 0.0..=1.0, "within 0 to 1")?;
+    let balance = match film.white_balance_k {
+        None if tint == 0.0 => Mat3::IDENTITY,
+        None => key.at("tint").name(white_balance(D65_K, tint))?,
+        Some(k) => key.at("white_balance_k").name(white_balance(k, tint))?,
+    };
+    Ok(View {
+        exposure_ev: exposure as f32,
+        tone_map: film.tone_map,
+        balance,
+        vignetting: vignetting as f32,
+        tan_half_fov: camera.tan_half_fov(),
+        grain: grain as f32,
+        seed,
+    })
 }
 
 fn check_render(render: &RenderDescription) -> Result<()> {

@@ -3,7 +3,7 @@
 //! Model: for the sphere of radius R around a scene,
 //!
 //! ```text
-//! power = pi R^2 ∫ L dw (constant, image, distant)    4 pi I (point)    pi L A sides (area)
+//! power = pi R^2 ∫ L dw (constant, image, sky, distant)    4 pi I (point)    pi L A sides (area)
 //! mean over rays of their weight = power
 //! ```
 //!
@@ -30,6 +30,7 @@ impl Lights {
                 let rgb = image.integral().map(|v| v * scale * disc);
                 RgbBasis::get().sample(rgb, lambda) * d65().sample(lambda)
             }
+            Emitter::Sky(sky) => sky.integral(lambda) * disc,
             Emitter::Distant { one_minus_cos, value, .. } => {
                 let solid_angle = if *one_minus_cos > 0.0 { TAU * one_minus_cos } else { 1.0 };
                 value.sample(lambda) * (solid_angle * disc)
@@ -66,6 +67,10 @@ impl Lights {
                 let radiance = RgbBasis::get().sample(rgb, lambda) * d65().sample(lambda);
                 from(w, radiance * (disc / pdf_per_sr))
             }
+            Emitter::Sky(sky) => {
+                let (w, pdf_per_sr) = sky.sample(u[0])?;
+                from(w, sky.radiance(w, lambda) * (disc / pdf_per_sr))
+            }
             Emitter::Distant { frame, one_minus_cos, .. } => {
                 let w = match *one_minus_cos > 0.0 {
                     true => frame.to_world(warp::square_to_cone(u[0], *one_minus_cos)),
@@ -98,6 +103,7 @@ mod tests {
     use super::super::emitter::AreaEmitter;
     use super::super::environment::Environment;
     use super::super::shape;
+    use super::super::sky::Sky;
     use super::*;
     use crate::math::Sampler;
     use crate::spectrum::Spectrum;
@@ -108,6 +114,8 @@ mod tests {
         let pixels = (0..16 * 8).map(|i| [0.1 + (i % 16) as f32, 0.5, (i / 16) as f32 * 0.3]).collect();
         let area = |sides: bool| Emitter::Area(AreaEmitter::new(&shape::quad(3.0, 4.0), value(), sides));
         let tilted = Frame::from_normal(Vec3::new(0.3, -0.5, 0.8).normalize());
+        let sun = glam::DVec3::new(0.3, -0.4, 0.6).normalize();
+        let sky = Sky::new(sun, 3.0, &value(), &Spectrum::Constant(0.2), 2.0).unwrap();
         let lights = Lights::new(
             vec![
                 Emitter::Constant { radiance: value() },
@@ -117,6 +125,7 @@ mod tests {
                 Emitter::Point { position: Vec3::X, intensity: value() },
                 area(false),
                 area(true),
+                Emitter::Sky(Box::new(sky)),
             ],
             Vec3::ZERO,
             10.0,

@@ -9,6 +9,7 @@
 //! |----------|----------------------------------|-------------------------------|-------------------|
 //! | constant | uniform sphere                   | 1 / 4 pi                      | L                 |
 //! | image    | pixel by its light               | see [`Environment`]           | L(w)              |
+//! | sky      | pixel of an image of it          | see [`Sky`]                   | L(w)              |
 //! | distant  | uniform cone of half angle a > 0 | 1 / (2 pi (1 - cos a))        | E / (pi sin^2 a)  |
 //! | distant  | one direction, a = 0             | delta                         | E                 |
 //! | point    | one direction                    | delta                         | I / d^2           |
@@ -24,6 +25,7 @@ use std::f32::consts::PI;
 use glam::{Vec2, Vec3};
 
 use super::environment::{Environment, search};
+use super::sky::Sky;
 use crate::geometry::Mesh;
 use crate::math::{Frame, warp};
 use crate::spectrum::illuminant::d65;
@@ -44,6 +46,8 @@ pub enum Emitter {
         /// Factor on its values.
         scale: f32,
     },
+    /// A clear sky and the ground, without the sun's disc.
+    Sky(Box<Sky>),
     /// A cone of light, or parallel light.
     Distant {
         /// `frame.n` points to the light.
@@ -240,6 +244,7 @@ impl Lights {
         let sample = match &self.emitters[i] {
             Emitter::Constant { .. } => far(warp::square_to_sphere(u)),
             Emitter::Image { image, .. } => far(image.sample(u)?.0),
+            Emitter::Sky(sky) => far(sky.sample(u)?.0),
             Emitter::Distant { frame, one_minus_cos, value } if *one_minus_cos == 0.0 => LightSample {
                 wi: frame.n,
                 distance_mm: f32::INFINITY,
@@ -292,6 +297,7 @@ impl Lights {
                     let rgb = (image.rgb(w) * *scale).to_array();
                     sum += RgbBasis::get().sample(rgb, lambda) * d65().sample(lambda);
                 }
+                Emitter::Sky(sky) => sum += sky.radiance(w, lambda),
                 Emitter::Distant { frame, one_minus_cos, value } if in_cone(frame, *one_minus_cos, w) => {
                     sum += value.sample(lambda);
                 }
@@ -309,6 +315,7 @@ impl Lights {
                 * match e {
                     Emitter::Constant { .. } => warp::SPHERE_PDF,
                     Emitter::Image { image, .. } => image.pdf(w),
+                    Emitter::Sky(sky) => sky.pdf(w),
                     Emitter::Distant { frame, one_minus_cos, .. } if in_cone(frame, *one_minus_cos, w) => {
                         warp::cone_pdf(*one_minus_cos)
                     }
@@ -350,6 +357,7 @@ impl Emitter {
         match self {
             Emitter::Constant { radiance } => PI * radiance.mean(),
             Emitter::Image { image, scale } => PI * image.mean_luminance() * scale,
+            Emitter::Sky(sky) => PI * sky.mean_luminance(),
             Emitter::Distant { one_minus_cos, value, .. } => {
                 let projected = PI * one_minus_cos * (2.0 - one_minus_cos);
                 value.mean() * if *one_minus_cos > 0.0 { projected } else { 1.0 }
@@ -397,6 +405,12 @@ mod tests {
     fn image() -> Emitter {
         let pixels = (0..16 * 8).map(|i| [0.1 + (i % 16) as f32, 0.5, (i / 16) as f32 * 0.3]).collect();
         Emitter::Image { image: Box::new(Environment::new(16, 8, pixels, 1.0).unwrap()), scale: 0.5 }
+    }
+
+    fn sky() -> Emitter {
+        let sun = Vec3::new(0.3, -0.4, 0.6).normalize().as_dvec3();
+        let (light, ground) = (Spectrum::Constant(1.0), Spectrum::Constant(0.2));
+        Emitter::Sky(Box::new(Sky::new(sun, 3.0, &light, &ground, 10.0).unwrap()))
     }
 
     fn quad_above(height: f32) -> Emitter {
@@ -484,8 +498,9 @@ mod tests {
     #[test]
     fn mixture_is_unbiased() {
         // Overlapping far lights and a near one: together as much as one by one.
-        let all =
-            || vec![constant(0.3), cone(Vec3::new(0.2, 0.1, 1.0), 20.0, 2.0), image(), quad_above(50.0)];
+        let all = || {
+            vec![constant(0.3), cone(Vec3::new(0.2, 0.1, 1.0), 20.0, 2.0), image(), sky(), quad_above(50.0)]
+        };
         let together = irradiance(&lights(all()), Vec3::ZERO, 1 << 18);
         let apart: f64 = all().into_iter().map(|e| irradiance(&lights(vec![e]), Vec3::ZERO, 1 << 16)).sum();
         assert!((together / apart - 1.0).abs() < 3e-3, "{together} {apart}");
@@ -496,6 +511,7 @@ mod tests {
         let cases = [
             lights(vec![constant(1.0)]),
             lights(vec![image()]),
+            lights(vec![sky()]),
             lights(vec![cone(Vec3::new(0.5, 0.2, 0.4), 50.0, 1.0)]),
             lights(vec![constant(0.3), image(), cone(Vec3::new(-0.5, 0.2, 0.4), 50.0, 1.0)]),
         ];

@@ -11,6 +11,7 @@ use super::emitter::{AreaEmitter, Emitter};
 use super::environment::Environment;
 use super::key::Key;
 use super::shape::{self, place};
+use super::sky_light;
 use crate::Result;
 use crate::geometry::Mesh;
 use crate::io;
@@ -19,7 +20,8 @@ use crate::spectrum::Spectrum;
 
 /// A compiled light; an area light brings the surface that it glows on.
 pub(super) struct CompiledLight {
-    pub(super) emitter: Emitter,
+    /// More than one where a described light has several parts.
+    pub(super) emitters: Vec<Emitter>,
     pub(super) mesh: Option<Mesh>,
 }
 
@@ -43,10 +45,13 @@ pub(super) fn compile(d: &LightDescription, key: &Key, assets: &dyn Assets) -> R
             let mesh = area_mesh(l, key)?;
             let radiance = scaled(&l.spectrum, "radiance", l.radiance)?;
             let emitter = Emitter::Area(AreaEmitter::new(&mesh, radiance, l.two_sided));
-            return Ok(CompiledLight { emitter, mesh: Some(mesh) });
+            return Ok(CompiledLight { emitters: vec![emitter], mesh: Some(mesh) });
+        }
+        LightDescription::Sky(l) => {
+            return Ok(CompiledLight { emitters: sky_light::compile(l, key, assets)?, mesh: None });
         }
     };
-    Ok(CompiledLight { emitter, mesh: None })
+    Ok(CompiledLight { emitters: vec![emitter], mesh: None })
 }
 
 /// The light of a glowing shape.

@@ -15,6 +15,7 @@ pub mod assets;
 pub mod aperture;
 pub mod camera;
 pub mod environment;
+pub mod sky;
 pub mod emitter;
 pub mod emission;
 pub mod material;
@@ -27,11 +28,14 @@ pub mod compile;
 pub mod trace;
 pub mod totals;
 
+mod atmosphere;
 mod color;
 mod hash;
 mod key;
 mod lens;
 mod light;
+mod sky_light;
+mod sun_position;
 
 #[cfg(test)]
 mod tests;

@@ -209,6 +209,66 @@ fn lights() {
 }
 
 #[test]
+fn skies() {
+    let sky = "[lights.s]\ntype = \"sky\"\n";
+    let dated = "latitude_deg = 52\nlongitude_deg = 13\ndate_time";
+    for (keys, key, what) in [
+        ("turbidity = 1.9", "turbidity", "2 to 10"),
+        ("turbidity = nan", "turbidity", "2 to 10"),
+        ("elevation_deg = -1", "elevation_deg", "0 to 90"),
+        ("azimuth_deg = inf", "azimuth_deg", "finite"),
+        ("scale = -1", "scale", "zero or more"),
+        ("ground = 1.5", "ground", ""),
+        ("latitude_deg = 50", "latitude_deg", "needs `date_time`"),
+        ("date_time = \"2026-06-21T12:00Z\"", "date_time", "`latitude_deg`"),
+        ("date_time = \"noon\"\nlongitude_deg = 13\nlatitude_deg = 91", "latitude_deg", "90"),
+    ] {
+        last_line_fails(&format!("{sky}{keys}\n"), &format!("lights.s.{key}"), what);
+    }
+    last_line_fails(&format!("{sky}{dated} = \"2026-06-21T12:00\"\n"), "lights.s.date_time", "offset");
+    last_line_fails(
+        &format!("{sky}{dated} = \"2026-06-21T23:00Z\"\n"),
+        "lights.s.date_time",
+        "below the horizon",
+    );
+    let both = format!("{sky}{dated} = \"2026-06-21T12:00Z\"\nelevation_deg = 30\n");
+    last_line_fails(&both, "lights.s.elevation_deg", "not both");
+
+    // In June at noon the sun stands in the south, -y, and high; the sky and the sun are two lights.
+    let text = format!("{SMALL}{sky}{dated} = \"2026-06-21T11:08Z\"\n");
+    let scene = compiled(&text, &[], &MemoryAssets::default()).unwrap();
+    let [Emitter::Sky(_), Emitter::Distant { frame, .. }, _] = scene.lights.emitters() else {
+        panic!("{:?}", scene.lights.emitters().len())
+    };
+    assert!(
+        frame.n.x.abs() < 0.01 && frame.n.y < 0.0 && (frame.n.z - 61.4f32.to_radians().sin()).abs() < 2e-3
+    );
+    let shade = compiled(&text, &["lights.s.sun=false"], &MemoryAssets::default()).unwrap();
+    assert_eq!(shade.lights.emitters().len(), 2);
+}
+
+#[test]
+fn views() {
+    for (key, value, what) in [
+        ("white_balance_k", "1000", "1500"),
+        ("white_balance_k", "nan", "1500"),
+        ("tint", "151", "-150 to 150"),
+        ("vignetting", "-0.1", "0 to 20"),
+        ("grain", "nan", "0 to 1"),
+    ] {
+        let text = format!("[film]\n{key} = {value}\n{SMALL}");
+        let text = if SMALL.contains("[film]") {
+            SMALL.replace("[film]", &format!("[film]\n{key} = {value}"))
+        } else {
+            text
+        };
+        let e = fails(&text, &[]);
+        assert_eq!(e.key, format!("film.{key}"), "{e}");
+        assert!(e.what.contains(what), "{e}");
+    }
+}
+
+#[test]
 fn files() {
     let text = format!("{SMALL}[lights.world]\ntype = \"image\"\nfile = \"sky.exr\"\n");
     last_line_fails(&text[SMALL.len()..], "lights.world.file", "sky.exr");

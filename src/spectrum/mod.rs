@@ -11,6 +11,7 @@ pub mod table;
 pub mod spectra;
 pub mod observer;
 pub mod illuminant;
+pub mod daylight;
 pub mod band;
 pub mod color;
 pub mod object_color;

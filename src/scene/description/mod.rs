@@ -24,7 +24,7 @@ pub use color::{SpectrumDescription, SpectrumTable};
 pub use film::FilmDescription;
 pub use light::{
     AreaLight, AreaShape, ConstantLight, DistantLight, EmissionDescription, ImageLight, LightDescription,
-    PointLight,
+    PointLight, SkyLight,
 };
 pub use material::{
     DiffuseMaterial, LambertMaterial, LiteralPhongMaterial, MaterialDescription, PetalMaterial, PhongMaterial,
