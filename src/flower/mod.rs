@@ -16,12 +16,20 @@
 
 pub mod bloom;
 pub mod crossings;
+mod green;
+pub mod leaf;
+pub mod leaflet;
 pub mod petal;
 pub mod phyllotaxis;
+pub mod prickle;
+pub mod room;
 pub mod rose;
 pub mod sepal;
 pub mod sheet;
+pub mod stamens;
 pub mod stem;
+pub mod stipule;
+pub mod tube;
 
 use crate::geometry::Mesh;
 
@@ -36,10 +44,18 @@ pub enum OrganKind {
     Sepal,
     /// The urn that carries sepals and petals, a closed solid.
     Receptacle,
-    /// The stem, a closed tube.
+    /// The stem (index 0) or the stalk of a leaf, closed tubes.
     Stem,
-    /// A leaflet of a leaf on the stem.
+    /// A leaflet or the stipules of a leaf on the stem.
     Leaf,
+    /// All prickles of the stem.
+    Prickle,
+    /// All filaments, the stalks of the stamens.
+    Filament,
+    /// All anthers.
+    Anther,
+    /// All styles.
+    Style,
 }
 
 /// One mesh of a flower.
@@ -81,4 +97,10 @@ impl Flower {
         }
         all
     }
+}
+
+/// 0 up to `low`, 1 from `high` on, smooth between.
+pub(crate) fn smooth_step(low: f64, high: f64, x: f64) -> f64 {
+    let t = ((x - low) / (high - low)).clamp(0.0, 1.0);
+    t * t * (3.0 - 2.0 * t)
 }

@@ -10,10 +10,14 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::flower::bloom::{Bloom, BloomDescription};
+use crate::flower::green;
+use crate::flower::leaf::LeafDescription;
 use crate::flower::petal::{PetalForm, PetalSurface, SPACE_OUTSIDE};
 use crate::flower::phyllotaxis::{GOLDEN_ANGLE_DEG, Spiral, vary};
-use crate::flower::sepal::{SepalDescription, SepalSurface};
+use crate::flower::prickle::PrickleDescription;
+use crate::flower::sepal::SepalDescription;
 use crate::flower::sheet::{Sheet, mesh};
+use crate::flower::stamens::StamenDescription;
 use crate::flower::stem::StemDescription;
 use crate::flower::{Flower, Organ, OrganKind};
 use crate::{Error, Result};
@@ -38,6 +42,12 @@ pub struct RoseDescription {
     pub bloom: BloomDescription,
     /// Sepals.
     pub sepals: SepalDescription,
+    /// Stamens and styles.
+    pub stamens: StamenDescription,
+    /// Leaves.
+    pub leaves: LeafDescription,
+    /// Prickles.
+    pub prickles: PrickleDescription,
     /// Receptacle and stem.
     pub stem: StemDescription,
 }
@@ -140,6 +150,9 @@ impl RoseDescription {
             petal: PetalDescription::default(),
             bloom: BloomDescription::default(),
             sepals: SepalDescription::default(),
+            stamens: StamenDescription::default(),
+            leaves: LeafDescription::default(),
+            prickles: PrickleDescription::default(),
             stem: StemDescription::default(),
         }
     }
@@ -186,6 +199,18 @@ impl RoseDescription {
         d.stem.receptacle_radius_mm = 4.0;
         d.stem.receptacle_height_mm = 9.0;
         d.stem.radius_mm = 1.5;
+        d.sepals.length_mm = 22.0;
+        d.sepals.width_mm = 6.0;
+        d.sepals.lobe_mm = 7.0;
+        d.leaves.leaflets = 7;
+        d.leaves.length_mm = 30.0;
+        d.leaves.width_mm = 19.0;
+        d.leaves.petiole_mm = 18.0;
+        d.leaves.spacing_mm = 17.5;
+        d.leaves.first_mm = 35.0;
+        d.prickles.length_mm = 5.0;
+        d.prickles.base_mm = 5.5;
+        d.prickles.base_width_mm = 1.8;
         d
     }
 
@@ -199,6 +224,9 @@ impl RoseDescription {
         self.petal.validate(&sub("petal"))?;
         self.bloom.validate(&sub("bloom"))?;
         self.sepals.validate(&sub("sepals"))?;
+        self.stamens.validate(&sub("stamens"))?;
+        self.leaves.validate(&sub("leaves"))?;
+        self.prickles.validate(&sub("prickles"))?;
         self.stem.validate(&sub("stem"))
     }
 }
@@ -244,31 +272,7 @@ pub fn grow(description: &RoseDescription) -> Result<Flower> {
             petal.uv_scale_mm(),
         );
     }
-    let spiral = Spiral { divergence_deg: 144.0, jitter_deg: 6.0 * d.irregularity, seed: d.seed ^ 0x5e9a1 };
-    for index in 0..d.sepals.count {
-        let v = |k| d.irregularity * vary(d.seed ^ 0x5e9a1, index, k);
-        let mut form = d.sepals.clone();
-        form.length_mm *= 1.0 + 0.1 * v(1);
-        form.end_deg = (form.end_deg + 15.0 * v(2)).min(180.0);
-        let divergence_deg = if d.sepals.count == 5 { 144.0 } else { GOLDEN_ANGLE_DEG };
-        let sepal = SepalSurface {
-            form,
-            azimuth_deg: Spiral { divergence_deg, ..spiral }.azimuth_deg(index),
-            radius_mm: 0.9 * d.stem.receptacle_radius_mm,
-            height_mm: -0.05 * d.stem.receptacle_height_mm,
-        };
-        add(
-            &mut flower,
-            OrganKind::Sepal,
-            index,
-            mesh(&sepal, scaled(6.0), scaled(16.0), 1.0),
-            sepal.uv_scale_mm(),
-        );
-    }
-    let (receptacle, scale) = d.stem.receptacle(scaled(32.0));
-    add(&mut flower, OrganKind::Receptacle, 0, receptacle, scale);
-    let (stem, scale) = d.stem.stem(scaled(24.0), scaled(24.0));
-    add(&mut flower, OrganKind::Stem, 0, stem, scale);
+    green::grow(&mut flower, d, 1.0);
     Ok(flower)
 }
 

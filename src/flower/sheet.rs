@@ -18,11 +18,17 @@ pub trait Sheet {
 /// Mesh of `across` x `along` quadrilaterals. Rows crowd towards the rim by the power `crowding` >= 1, since
 /// rims bend most.
 pub fn mesh(sheet: &impl Sheet, across: usize, along: usize, crowding: f64) -> Mesh {
+    let columns: Vec<f64> = (0..=across).map(|i| i as f64 / across as f64).collect();
+    let rows: Vec<f64> = (0..=along).map(|j| 1.0 - (1.0 - j as f64 / along as f64).powf(crowding)).collect();
+    mesh_on(sheet, &columns, &rows)
+}
+
+/// Mesh on the grid of these u and v, both rising.
+pub fn mesh_on(sheet: &impl Sheet, columns: &[f64], rows: &[f64]) -> Mesh {
+    let (across, along) = (columns.len() - 1, rows.len() - 1);
     let mut m = Mesh::default();
-    for j in 0..=along {
-        let v = 1.0 - (1.0 - j as f64 / along as f64).powf(crowding);
-        for i in 0..=across {
-            let u = i as f64 / across as f64;
+    for &v in rows {
+        for &u in columns {
             m.positions.push(sheet.at(u, v).as_vec3());
             let uv = sheet.uv(u, v);
             m.uvs.push(Vec2::new(uv.x as f32, uv.y as f32));
