@@ -14,8 +14,8 @@ use crate::{Global, Outcome, progress, report};
 
 /// Grow a rose and write it as a mesh.
 ///
-/// The mesh has one part per petal, sepal, leaflet, the receptacle and the stem, in millimetres, +z up, with
-/// normals and texture coordinates.
+/// The mesh has one part per petal, sepal, leaflet and stalk of a leaf, and one each for the receptacle, the stem, all
+/// prickles, filaments, anthers and styles, in millimetres, +z up, with normals and texture coordinates.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Keys of -D are those of a rose in a scene file: petals, irregularity, petal.length_mm, bloom.outer_deg ...
@@ -90,5 +90,9 @@ fn color(kind: OrganKind) -> [f32; 3] {
         OrganKind::Petal => [0.45, 0.01, 0.03],
         OrganKind::Sepal | OrganKind::Leaf => [0.05, 0.14, 0.03],
         OrganKind::Receptacle | OrganKind::Stem => [0.08, 0.18, 0.05],
+        OrganKind::Prickle => [0.22, 0.10, 0.055],
+        OrganKind::Filament => [0.55, 0.47, 0.16],
+        OrganKind::Anther => [0.62, 0.38, 0.05],
+        OrganKind::Style => [0.42, 0.45, 0.18],
     }
 }

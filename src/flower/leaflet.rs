@@ -1,7 +1,7 @@
 //! One leaflet: an ovate blade with a saw edge, folded along the midrib and raised between its veins.
 //!
 //! Model, with x across and y along the flat blade, h its half width, v = y / length:
-//! 1. outline: h(v) = width/2 (v / p)^(p q) ((1 - v) / (1 - p))^((1 - p) q), widest at p, q = 1.45;
+//! 1. outline: h(v) = width/2 (v / p)^(p q) ((1 - v) / (1 - p))^((1 - p) q), widest at p, q = 1.7;
 //! 2. teeth: the margin moves outwards and towards the tip by depth saw(n y / length), a tooth that rises over four
 //!    fifths of its pitch and falls over the last;
 //! 3. the midline bends down by `arch` along the leaflet; across it the halves rise by `fold`, level off towards
@@ -16,7 +16,7 @@
 //! | p | `widest` | - | 0.42 |
 //! | n, depth | `teeth`, `tooth_mm` | -, mm | 22, 0.9 |
 //! | arch, fold | `arch_deg`, `fold_deg` | deg | 28, 12 |
-//! | veins, relief | `veins`, `relief_mm` | -, mm | 9, 0.22 |
+//! | veins, relief | `veins`, `relief_mm` | -, mm | 9, 0.3 |
 //! | wave | `wave_mm` | mm | 0.9 |
 //!
 //! Limits: the flat blade has the length and width asked for: `a_leaflet_has_its_size_and_teeth`. The net of small
@@ -145,7 +145,7 @@ impl LeafletSurface {
 
     /// Half width of the blade without its teeth, mm.
     pub fn half_width_mm(&self, v: f64) -> f64 {
-        let (f, p, q) = (&self.form, self.form.widest, 1.45);
+        let (f, p, q) = (&self.form, self.form.widest, 1.7);
         let v = v.clamp(0.0, 1.0);
         let blade = (v / p).powf(p * q) * ((1.0 - v) / (1.0 - p)).powf((1.0 - p) * q);
         let foot = ENDS_MM.0 * (1.0 - v / 0.2).max(0.0);
@@ -188,7 +188,7 @@ impl LeafletSurface {
         let out = (p.x.abs() / half).min(1.2);
         let soft = 0.06 * f.width_mm;
         let fold = f.fold_deg.to_radians().tan() * (p.x.hypot(soft) - soft);
-        let level = -0.016 * f.fold_deg.to_radians().tan().abs().max(0.1) * p.x * p.x;
+        let level = -0.016 * f.fold_deg.to_radians().tan() * p.x * p.x;
         let side = if p.x < 0.0 { 0 } else { 1 };
         let wave = f.wave_mm
             * f.irregularity.min(1.5)
@@ -303,7 +303,7 @@ mod tests {
             .iter()
             .skip(columns - 1)
             .step_by(columns)
-            .map(|p| f64::from(p.x) - leaflet.half_width_mm(f64::from(p.y) / 50.0))
+            .map(|p| f64::from(p.x.abs()) - leaflet.half_width_mm(f64::from(p.y) / 50.0))
             .collect();
         let tips = margin.windows(3).filter(|w| w[1] > w[0] && w[1] > w[2]).count();
         assert_eq!(tips, 20, "{margin:?}");

@@ -12,7 +12,9 @@
 //!
 //! Places are drawn one after another; one that comes too near to an earlier prickle or to a leaf is drawn again, at
 //! most 40 times. Limits: prickles touch neither each other nor leaves nor the stem (`green_parts_do_not_cross`), and
-//! stand on it (`prickles_stand_on_the_stem_apart_from_each_other`). Our reading of garden roses.
+//! stand on it (`prickles_stand_on_the_stem_apart_from_each_other`). Size and the
+//! downward curve: prickles of hybrid teas are about 5 mm long (Kwantlen Polytechnic University plant database, "Rosa cvs.");
+//! the rest is our reading.
 
 use glam::DVec2;
 use schemars::JsonSchema;

@@ -100,8 +100,8 @@ mod tests {
         for name in ["hybrid_tea", "wild"] {
             let d = RoseDescription { detail: 0.4, ..name.parse().expect("a preset") };
             let flower = grow(&d).expect("grows");
-            let petals = flower.of_kind(OrganKind::Petal).map(|o| &o.mesh);
-            let room = Room::new(petals.clone());
+            let petals: Vec<&Mesh> = flower.of_kind(OrganKind::Petal).map(|o| &o.mesh).collect();
+            let room = Room::new(petals.iter().copied());
             let (mut least, mut most) = (f64::INFINITY, 0f64);
             for m in petals {
                 for f in 0..m.triangles.len() {

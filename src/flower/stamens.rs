@@ -9,9 +9,9 @@
 //! | symbol | field | unit | default |
 //! |---|---|---|---|
 //! | n | `count` | - | 80 |
-//! | filament of the outer whorl, radius | `filament_mm`, `filament_radius_mm` | mm | 9, 0.11 |
+//! | filament of the outer whorl, radius | `filament_mm`, `filament_radius_mm` | mm | 9, 0.09 |
 //! | angles | `inner_deg`, `outer_deg` | deg | 12, 54 |
-//! | anther | `anther_mm` | mm | 1.9 |
+//! | anther | `anther_mm` | mm | 1.5 |
 //! | styles | `styles`, `style_mm` | -, mm | 18, 4.5 |
 //!
 //! Limits: no stamen touches another, a style or the petals (`stamens_keep_apart_and_inside`). Numbers: a dog rose has
@@ -38,13 +38,13 @@ pub struct StamenDescription {
     pub count: u32,
     /// Length of the outermost filaments, mm (default 9).
     pub filament_mm: f64,
-    /// Radius of a filament, mm (default 0.11).
+    /// Radius of a filament, mm (default 0.09).
     pub filament_radius_mm: f64,
     /// Angle of the innermost stamens from the axis, deg (default 12).
     pub inner_deg: f64,
     /// Angle of the outermost stamens from the axis, deg (default 54).
     pub outer_deg: f64,
-    /// Length of an anther, mm (default 1.9).
+    /// Length of an anther, mm (default 1.5).
     pub anther_mm: f64,
     /// Largest number of styles (default 18).
     pub styles: u32,
@@ -57,10 +57,10 @@ impl Default for StamenDescription {
         Self {
             count: 80,
             filament_mm: 9.0,
-            filament_radius_mm: 0.11,
+            filament_radius_mm: 0.09,
             inner_deg: 12.0,
             outer_deg: 54.0,
-            anther_mm: 1.9,
+            anther_mm: 1.5,
             styles: 18,
             style_mm: 4.5,
         }
@@ -228,7 +228,7 @@ impl StamenDescription {
         let radius = room.rim_mm * (0.26 + 0.74 * part).sqrt();
         let azimuth =
             (f64::from(index) * GOLDEN_ANGLE_DEG).to_radians() + (0.10 + 0.03 * f64::from(attempt)) * v(1);
-        let length = self.filament_mm * (0.62 + 0.38 * part) * (1.0 + 0.16 * v(2));
+        let length = self.filament_mm * (0.62 + 0.38 * part) * (1.0 + 0.2 * v(2));
         let angle =
             spread * (self.inner_deg + (self.outer_deg - self.inner_deg) * part + 6.0 * v(3)).to_radians();
         let back = 0.5 * angle * (1.0 + 0.4 * v(4));
@@ -254,7 +254,7 @@ impl StamenDescription {
         let along = (end - points[STEPS - 1]).normalize_or(DVec3::Z);
         for t in [0.1, 0.5, 0.9] {
             points.push(end + along * (t * self.anther_mm));
-            radii.push(0.42 * self.anther_mm);
+            radii.push(0.37 * self.anther_mm);
         }
         Rod { points, radius_mm: radii }
     }

@@ -16,6 +16,7 @@ use super::key::Key;
 use super::locate::nearest;
 use super::material::Material;
 use super::shape::{self, Shape};
+use super::tabulated::Petal;
 use super::{description, lens, light};
 use crate::film::View;
 use crate::film::view::white_balance;
@@ -67,6 +68,7 @@ pub fn compile(description: &SceneDescription, assets: &dyn Assets) -> Result<Sc
     let view = view(&description.film, &camera, description.render.seed)?;
 
     let mut compiler = Compiler {
+        petal,
         materials: Vec::new(),
         material_keys: Vec::new(),
         ids: BTreeMap::new(),
@@ -75,7 +77,7 @@ pub fn compile(description: &SceneDescription, assets: &dyn Assets) -> Result<Sc
     };
     for (name, d) in &description.materials {
         let key = Key::new("materials").at(name);
-        let material = Material::compile(d, &petal, &key, &assets)?;
+        let material = Material::compile(d, &compiler.petal, &key, &assets)?;
         compiler.material_keys.push(key.to_string());
         compiler.ids.insert(name.clone(), compiler.materials.len() as u32);
         compiler.materials.push(material);
@@ -117,6 +119,7 @@ pub fn compile(description: &SceneDescription, assets: &dyn Assets) -> Result<Sc
 }
 
 struct Compiler {
+    petal: Arc<Petal>,
     materials: Vec<Material>,
     material_keys: Vec<String>,
     ids: BTreeMap<String, u32>,
@@ -129,7 +132,7 @@ impl Compiler {
         for part in shape::parts(d, key, assets)? {
             let material = match (d, part.organ) {
                 (ShapeDescription::Rose(rose), Some(kind)) => {
-                    self.organ_material(&rose.materials, kind, key)?
+                    self.organ_material(&rose.materials, kind, key, assets)?
                 }
                 _ => {
                     let name = d.surface().map_or("", |(material, _)| material);
@@ -179,14 +182,30 @@ impl Compiler {
         Ok(())
     }
 
-    fn organ_material(&self, names: &RoseMaterials, kind: OrganKind, key: &Key) -> Result<u32> {
+    fn organ_material(
+        &mut self,
+        names: &RoseMaterials,
+        kind: OrganKind,
+        key: &Key,
+        assets: &dyn Assets,
+    ) -> Result<u32> {
         let (name, organ) = match kind {
             OrganKind::Petal => (&names.petal, "petal"),
             OrganKind::Sepal => (&names.sepal, "sepal"),
             OrganKind::Receptacle => (&names.receptacle, "receptacle"),
             OrganKind::Stem => (&names.stem, "stem"),
             OrganKind::Leaf => (&names.leaf, "leaf"),
+            OrganKind::Prickle => (&names.prickle, "prickle"),
+            OrganKind::Filament => (&names.stamen, "stamen"),
+            OrganKind::Anther => (&names.anther, "anther"),
+            OrganKind::Style => (&names.style, "style"),
         };
+        if let (None, Some(d)) = (self.ids.get(name), RoseMaterials::built_in(name)) {
+            let key = Key::new("materials").at(name);
+            self.ids.insert(name.clone(), self.materials.len() as u32);
+            self.materials.push(Material::compile(&d, &self.petal, &key, assets)?);
+            self.material_keys.push(key.to_string());
+        }
         self.material(name, &key.at("materials").at(organ))
     }
 

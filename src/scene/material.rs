@@ -25,7 +25,7 @@ pub enum Material {
     LiteralPhong(LiteralPhong),
     /// Diffuse reflection and transmission.
     Diffuse(DiffuseTransmission),
-    /// The scene's petal.
+    /// The scene's petal, or another tissue.
     Petal(Arc<Petal>),
 }
 
@@ -89,6 +89,9 @@ impl Material {
                 Material::Diffuse(key.under(DiffuseTransmission::new(adaxial, abaxial, t))?)
             }
             MaterialDescription::Petal(_) => Material::Petal(petal.clone()),
+            MaterialDescription::Tissue(m) => {
+                Material::Petal(Arc::new(m.petal.build(&key.at("petal").to_string(), assets)?))
+            }
         })
     }
 

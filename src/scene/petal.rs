@@ -29,9 +29,12 @@ pub const PRESETS: &[(&str, &str)] = &[
     ("baccara", include_str!("../../data/petals/baccara.toml")),
 ];
 
-/// The TOML text of a petal that comes with the program.
+/// Green tissues that come with the program, in the same form.
+pub const GREEN: &[(&str, &str)] = &[("leaf", include_str!("../../data/petals/leaf.toml"))];
+
+/// The TOML text of a petal or a green tissue that comes with the program.
 pub fn preset(name: &str) -> Option<&'static str> {
-    PRESETS.iter().find(|(n, _)| *n == name).map(|(_, text)| *text)
+    PRESETS.iter().chain(GREEN).find(|(n, _)| *n == name).map(|(_, text)| *text)
 }
 
 impl PetalDescription {
@@ -111,10 +114,13 @@ impl PetalDescription {
 
 #[cfg(test)]
 mod tests {
+    use glam::{Vec2, Vec3};
+
     use super::super::description::{SpectrumDescription, TransmissionDescription};
     use super::*;
     use crate::scene::assets::MemoryAssets;
     use crate::scene::load;
+    use crate::scene::tabulated::Petal;
     use crate::spectrum::SampledWavelengths;
 
     #[test]
@@ -136,6 +142,32 @@ mod tests {
                 assert!((150.0..300.0).contains(&t.depth_um.iter().sum::<f64>()), "{name}: {:?}", t.depth_um);
             }
         }
+    }
+
+    /// PROSPECT-D, an independent model with the same pigments that reproduces measured leaves [Feret2017]: structure
+    /// 1.6, chlorophyll 52, carotenoid 10 ug/cm2, water 0.012 cm, dry matter 0.006 g/cm2.
+    #[test]
+    fn a_leaf_reflects_and_transmits_as_leaves_do() {
+        const PROSPECT: [(f32, f32, f32); 5] = [
+            (450.0, 0.041, 0.000),
+            (550.0, 0.132, 0.112),
+            (670.0, 0.036, 0.002),
+            (700.0, 0.109, 0.097),
+            (780.0, 0.472, 0.471),
+        ];
+        let d: PetalDescription = load(preset("leaf").unwrap(), "leaf", &[]).unwrap().description;
+        let d = PetalDescription { walks: Some(40_000), ..d };
+        let Petal::Tabulated(leaf) = d.build("", &MemoryAssets::default()).unwrap() else { panic!("tissue") };
+        let lambda = SampledWavelengths::given([450.0, 550.0, 670.0, 700.0, 780.0, 500.0, 600.0, 650.0]);
+        let (sin, cos) = 8f32.to_radians().sin_cos();
+        let [r, t] = leaf.at(Vec2::ZERO, &lambda).albedo(Vec3::new(sin, 0.0, cos));
+        for (lane, (nm, reflectance, transmittance)) in PROSPECT.into_iter().enumerate() {
+            assert!((r[lane] - reflectance).abs() < 0.03, "{nm} nm: R {} {reflectance}", r[lane]);
+            assert!((t[lane] - transmittance).abs() < 0.035, "{nm} nm: T {} {transmittance}", t[lane]);
+        }
+        // The lower side is paler.
+        let [below, _] = leaf.at(Vec2::ZERO, &lambda).albedo(Vec3::new(sin, 0.0, -cos));
+        assert!(below[1] > 1.5 * r[1], "{} {}", below[1], r[1]);
     }
 
     #[test]

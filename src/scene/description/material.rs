@@ -3,7 +3,9 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::SpectrumDescription;
+use super::shape::overlay;
+use super::{PetalDescription, SpectrumDescription};
+use crate::scene::petal::{GREEN, PRESETS, preset as preset_text};
 
 /// `[materials.NAME]`: a material, by `type`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -19,6 +21,8 @@ pub enum MaterialDescription {
     Diffuse(DiffuseMaterial),
     /// The thesis' petal of cells, described by `[petal]`.
     Petal(PetalMaterial),
+    /// A leaf or another sheet of tissue, beside the scene's petal.
+    Tissue(Box<TissueMaterial>),
 }
 
 /// `type = "lambert"`.
@@ -72,6 +76,50 @@ pub struct DiffuseMaterial {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PetalMaterial {}
+
+/// `type = "tissue"`: a sheet of cells and mesophyll like the petal, but one of its own.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(try_from = "TissueKeys")]
+pub struct TissueMaterial {
+    /// Built-in tissue that the keys of `petal` change. Default `leaf`.
+    pub preset: String,
+    /// What it is made of, as in `[petal]`.
+    pub petal: PetalDescription,
+}
+
+/// A tissue as written: the keys that are missing come from the preset.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+#[schemars(rename = "TissueMaterial")]
+struct TissueKeys {
+    /// Built-in tissue that the keys of `petal` change: `leaf`, or a petal. Default `leaf`.
+    preset: String,
+    /// What it is made of, as in `[petal]`. Default: the preset's values.
+    #[schemars(with = "PetalDescription")]
+    petal: toml::Table,
+}
+
+impl Default for TissueKeys {
+    fn default() -> Self {
+        Self { preset: "leaf".to_owned(), petal: toml::Table::new() }
+    }
+}
+
+impl TryFrom<TissueKeys> for TissueMaterial {
+    type Error = String;
+
+    fn try_from(keys: TissueKeys) -> Result<Self, String> {
+        let TissueKeys { preset, petal } = keys;
+        let text = preset_text(&preset).ok_or_else(|| {
+            let names: Vec<&str> = GREEN.iter().chain(PRESETS).map(|p| p.0).collect();
+            format!("no tissue is called `{preset}`; there are {}", names.join(", "))
+        })?;
+        let mut table: toml::Table = text.parse().map_err(|e: toml::de::Error| e.message().to_owned())?;
+        overlay(&mut table, petal);
+        let petal = PetalDescription::deserialize(table).map_err(|e| e.message().to_owned())?;
+        Ok(Self { preset, petal })
+    }
+}
 
 impl Default for LambertMaterial {
     fn default() -> Self {

@@ -27,7 +27,8 @@ pub use light::{
     PointLight, SkyLight,
 };
 pub use material::{
-    DiffuseMaterial, LambertMaterial, LiteralPhongMaterial, MaterialDescription, PetalMaterial, PhongMaterial,
+    DiffuseMaterial, LambertMaterial, LiteralPhongMaterial, MaterialDescription, PetalMaterial,
+    PhongMaterial, TissueMaterial,
 };
 pub use petal::{
     GradientDescription, LayerDescription, PetalDescription, ShadingDescription, ShadingModel,

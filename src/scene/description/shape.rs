@@ -3,7 +3,9 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::EmissionDescription;
+use super::{
+    DiffuseMaterial, EmissionDescription, LambertMaterial, MaterialDescription, SpectrumDescription,
+};
 use crate::flower::RoseDescription;
 
 /// `[shapes.NAME]`: something that light meets, by `type`.
@@ -45,8 +47,16 @@ pub struct RoseMaterials {
     pub receptacle: String,
     /// Stem. Default `stem`.
     pub stem: String,
-    /// Leaves. Default `leaf`.
+    /// Leaves and stipules. Default `leaf`; a scene without it has green diffuse ones.
     pub leaf: String,
+    /// Prickles. Default `prickle`; a scene without it has brown opaque ones.
+    pub prickle: String,
+    /// Filaments of the stamens. Default `stamen`; a scene without it has pale yellow ones.
+    pub stamen: String,
+    /// Anthers. Default `anther`; a scene without it has yellow ones.
+    pub anther: String,
+    /// Styles. Default `style`; a scene without it has pale green ones.
+    pub style: String,
 }
 
 /// `type = "rose"`.
@@ -117,7 +127,7 @@ impl TryFrom<RoseKeys> for RoseShape {
 }
 
 /// Puts the values of `over` into `base`, table by table.
-fn overlay(base: &mut toml::Table, over: toml::Table) {
+pub(super) fn overlay(base: &mut toml::Table, over: toml::Table) {
     for (key, value) in over {
         match (base.get_mut(&key), value) {
             (Some(toml::Value::Table(below)), toml::Value::Table(above)) => overlay(below, above),
@@ -217,6 +227,35 @@ impl Default for RoseMaterials {
             receptacle: "stem".to_owned(),
             stem: "stem".to_owned(),
             leaf: "leaf".to_owned(),
+            prickle: "prickle".to_owned(),
+            stamen: "stamen".to_owned(),
+            anther: "anther".to_owned(),
+            style: "style".to_owned(),
+        }
+    }
+}
+
+impl RoseMaterials {
+    /// What a name stands for in a scene that has no material of that name: organs that a scene need not know.
+    pub fn built_in(name: &str) -> Option<MaterialDescription> {
+        let sheet = |reflectance: [f64; 3], abaxial: [f64; 3], transmittance: [f64; 3]| {
+            MaterialDescription::Diffuse(DiffuseMaterial {
+                reflectance_adaxial: SpectrumDescription::Rgb(reflectance),
+                reflectance_abaxial: Some(SpectrumDescription::Rgb(abaxial)),
+                transmittance: SpectrumDescription::Rgb(transmittance),
+            })
+        };
+        let solid = |rgb| {
+            MaterialDescription::Lambert(LambertMaterial { reflectance: SpectrumDescription::Rgb(rgb) })
+        };
+        // Our reading of living roses.
+        match name {
+            "leaf" => Some(sheet([0.04, 0.11, 0.03], [0.08, 0.16, 0.07], [0.03, 0.09, 0.01])),
+            "prickle" => Some(solid([0.22, 0.10, 0.055])),
+            "stamen" => Some(solid([0.55, 0.47, 0.16])),
+            "anther" => Some(solid([0.62, 0.38, 0.05])),
+            "style" => Some(solid([0.42, 0.45, 0.18])),
+            _ => None,
         }
     }
 }

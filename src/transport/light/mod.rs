@@ -81,6 +81,10 @@ pub fn organ_name(kind: OrganKind) -> &'static str {
         OrganKind::Receptacle => "receptacle",
         OrganKind::Stem => "stem",
         OrganKind::Leaf => "leaf",
+        OrganKind::Prickle => "prickle",
+        OrganKind::Filament => "filament",
+        OrganKind::Anther => "anther",
+        OrganKind::Style => "style",
     }
 }
 
