@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::builder::PossibleValuesParser;
+use rosarium::flower::crossings::crossings;
 use rosarium::flower::{self, OrganKind, RoseDescription};
 use rosarium::geometry::Mesh;
 use rosarium::scene::load;
@@ -24,6 +25,8 @@ Keys of -D are those of a rose in a scene file: petals, irregularity, petal.leng
 Examples:
   rosarium grow                                  rose.ply
   rosarium grow --preset wild -o wild.glb
+  rosarium grow --openness 0.2 --detail final -o bud.ply
+  rosarium grow --seed 3 --check                 does any petal cross another?
   rosarium grow -o rose.obj --seed 7 -D petals=24 -D petal.ruffle_mm=2")]
 pub(crate) struct Args {
     /// File to write: .ply, .obj or .glb. Repeatable. Default: rose.ply.
@@ -35,8 +38,26 @@ pub(crate) struct Args {
     /// Seed of what differs between two roses of one kind.
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     seed: Option<u64>,
+    /// How far the flower has opened: 0 = bud, 1 = bloom, 1.3 = overblown.
+    #[arg(long, value_name = "X", allow_negative_numbers = true)]
+    openness: Option<f64>,
+    /// Fineness of the mesh: `preview` (about 20 000 triangles), `final` (about 5 million), or a number; 1 is
+    /// what scenes use, triangles grow with its square.
+    #[arg(long, value_name = "NAME|X", value_parser = detail)]
+    detail: Option<f64>,
+    /// Count the pairs of triangles that cross each other; exit with 1 if those of petals do.
+    #[arg(long)]
+    check: bool,
     #[command(flatten)]
     overrides: Overrides,
+}
+
+fn detail(text: &str) -> std::result::Result<f64, String> {
+    let names = RoseDescription::DETAILS;
+    match names.iter().find(|(name, _)| *name == text) {
+        Some((_, value)) => Ok(*value),
+        None => text.parse().map_err(|_| format!("neither {}, {} nor a number", names[0].0, names[1].0)),
+    }
 }
 
 pub(crate) fn run(args: &Args, global: Global) -> Result<Outcome> {
@@ -52,6 +73,8 @@ pub(crate) fn run(args: &Args, global: Global) -> Result<Outcome> {
     if let Some(seed) = args.seed {
         description.seed = seed;
     }
+    description.openness = args.openness.unwrap_or(description.openness);
+    description.detail = args.detail.unwrap_or(description.detail);
     description.validate("").map_err(|e| loaded.source.locate(e))?;
     let flower = flower::grow(&description).map_err(|e| loaded.source.locate(e))?;
 
@@ -80,6 +103,18 @@ pub(crate) fn run(args: &Args, global: Global) -> Result<Outcome> {
             flower.triangle_count()
         );
         progress::say(global, &line);
+    }
+    if args.check {
+        let report = crossings(&flower);
+        let petals = report.between_kinds(OrganKind::Petal, OrganKind::Petal);
+        progress::say(
+            global,
+            &format!("{petals} crossing pairs of triangles of petals, {} in all", report.total()),
+        );
+        if petals > 0 {
+            progress::say(global, &report.to_string());
+            return Ok(Outcome::CheckFailed);
+        }
     }
     Ok(Outcome::Done)
 }

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! RoseDescription --phyllotaxis--> azimuth, layer of each petal --bloom--> where its layer lies in space
-//!                                                               --petal--> one sheet --sheet--> Mesh
+//!                 --outline, margin, veins--> the flat petal    --petal--> one sheet --sheet--> Mesh
 //! ```
 //!
 //! Frame: millimetres; the axis of the flower is +z, the petals are inserted at the origin, the stem hangs
@@ -11,15 +11,20 @@
 //! counter-clockwise seen from there, and its texture coordinates are its flat shape, undistorted.
 //!
 //! How petals keep out of each other's way: they lie on a family of nested cups ([`bloom`]), each petal on
-//! its own, and what a petal adds to its cup (cup, ruffle, rolled rim) keeps to its share of the space to the
-//! next petal at the same azimuth. Guarded by `few_petals_cross`.
+//! its own; what a petal adds to its cup (rolled rim, fold, ruffle) keeps to its share of the space to its
+//! [`neighbours`]; and what still meets settles ([`mod@grow`]). Guarded by `petals_do_not_cross`.
 
 pub mod bloom;
 pub mod crossings;
 mod green;
 pub mod leaf;
 pub mod leaflet;
+pub mod grow;
+pub mod margin;
+pub mod neighbours;
+pub mod outline;
 pub mod petal;
+pub mod petal_description;
 pub mod phyllotaxis;
 pub mod prickle;
 pub mod room;
@@ -30,10 +35,12 @@ pub mod stamens;
 pub mod stem;
 pub mod stipule;
 pub mod tube;
+pub mod veins;
 
 use crate::geometry::Mesh;
 
-pub use rose::{RoseDescription, grow};
+pub use grow::grow;
+pub use rose::RoseDescription;
 
 /// What an organ is. Materials are given per kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

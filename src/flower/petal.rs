@@ -1,32 +1,37 @@
-//! One petal: a sheet without thickness, two-sided, given by one mid-surface function of (u, v).
+//! One petal: a sheet without thickness, two-sided, given by one mid-surface function of the flat petal.
 //!
-//! Model, in three maps:
-//! 1. [`PetalSurface::blade`]: (u, v) -> the flat petal, x across and s along in mm: a narrow claw, a broad
-//!    obovate blade, a rim that is round, pointed or notched;
-//! 2. [`PetalSurface::wrap`]: the flat petal -> its cup of the [`Bloom`]. The cup is treated as the cone that
+//! Model, in four maps:
+//! 1. [`Outline`]: (u, v) -> the flat petal, x across and y along in mm;
+//! 2. [`Margin`]: the rim rolls back about straight facets;
+//! 3. [`PetalSurface::at_flat`]: the flat petal -> its cup of the [`Bloom`]. The cup is treated as the cone that
 //!    touches it in the middle of the blade, on which the flat petal is rolled without stretching:
-//!    s' = |(x, s + s0)| - s0, arc = (s' + s0) atan(x / (s + s0)), azimuth = arc / r(s'). Then cup and ruffle
-//!    displace it along its normal, within the petal's share of the space to its neighbours;
-//! 3. `PetalSurface::roll`: a margin within `width` of the rim bends back about the rim's direction by
-//!    phi(q) = roll (1 - q / width)^2, q the distance to the rim, arc length kept; it stands off the cup by at
-//!    most the space before the next petal.
+//!    s' = |(x, y + s0)| - s0, arc = (s' + s0) atan(x / (y + s0)), azimuth = arc / r(s');
+//! 4. cup, fold, ruffle and crumple displace it along its normal, with the rolled margin, within the petal's share of
+//!    the space to its [`Neighbours`]; the relief of the veins is added by the mesh.
 //!
 //! | symbol | field | unit | default |
 //! |---|---|---|---|
-//! | length, width, claw width | `length_mm`, `width_mm`, `claw_width_mm` | mm | by age, see [`crate::flower::rose`] |
-//! | roll, its width | `roll_deg`, `roll_width_mm` | deg, mm | |
-//! | cup, ruffle | `cup_mm`, `ruffle_mm` | mm | |
+//! | cup, fold | `cup_mm`, `fold_mm` | mm | by age, see [`crate::flower::rose`] |
+//! | ruffle | `ruffle_mm`, `ruffle_waves` | mm, - | |
+//! | crumple | `crumple_mm` | mm | |
+//! | relief of the veins | `vein_relief_mm` | mm | |
 //!
-//! Limits: without cup, ruffle and roll the middle of the petal lies on its cup
-//! (`a_plain_petal_lies_on_its_cup`); wrapping keeps its area within 15 %, rolling within 12 %
-//! (`bending_nearly_keeps_area`). Our reading: no measured shape of a hybrid tea's petal is used.
+//! Limits: without what displaces it the middle of the petal lies on its cup (`a_plain_petal_lies_on_its_cup`);
+//! bending keeps its area within 15 % (`bending_nearly_keeps_area`). [`PetalSurface::at_flat`] is the one function that
+//! a solved shape would replace. Our reading: no measured shape of a hybrid tea's petal is used.
 
-use std::f64::consts::FRAC_PI_2;
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use glam::{DVec2, DVec3};
 
 use crate::flower::bloom::Bloom;
+use crate::flower::margin::{Facet, Margin};
+use crate::flower::neighbours::{Gaps, Neighbours, Seat};
+use crate::flower::outline::Outline;
+use crate::flower::phyllotaxis::vary;
 use crate::flower::sheet::Sheet;
+use crate::flower::smooth_step;
+use crate::flower::veins::Veins;
 
 /// The traits of one petal.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,198 +40,197 @@ pub struct PetalForm {
     pub layer: f64,
     /// Azimuth of its middle, deg.
     pub azimuth_deg: f64,
-    /// Claw to rim along the middle, mm.
-    pub length_mm: f64,
-    /// Largest width, mm.
-    pub width_mm: f64,
-    /// Width at the receptacle, mm.
-    pub claw_width_mm: f64,
-    /// Where it is widest, as a part of the length.
-    pub widest: f64,
-    /// Point (positive) or notch (negative) at the middle of the rim, mm.
-    pub tip_mm: f64,
-    /// How far the margins stand towards the adaxial side of the middle, mm.
+    /// Its flat shape.
+    pub outline: Outline,
+    /// Edges of its rolled margin.
+    pub facets: Vec<Facet>,
+    /// Sharpness of the cusps between them, mm.
+    pub sharpness_mm: f64,
+    /// How far the margins stand towards the adaxial side of the middle, mm; negative: to the abaxial side.
     pub cup_mm: f64,
-    /// Total turn of the rolled margin to the abaxial side, deg: left shoulder, tip, right shoulder.
-    pub roll_deg: [f64; 3],
-    /// Width of the rolled margin, mm.
-    pub roll_width_mm: f64,
+    /// Depth of the fold along the midrib, mm.
+    pub fold_mm: f64,
     /// Amplitude of the waves of the rim, mm.
     pub ruffle_mm: f64,
     /// Number of waves along the rim.
     pub ruffle_waves: f64,
-    /// Phase of the waves, radians.
-    pub ruffle_phase: f64,
+    /// Amplitude of the unevenness of the blade, mm.
+    pub crumple_mm: f64,
+    /// Height of the veins' relief, mm.
+    pub vein_relief_mm: f64,
+    /// Its veins.
+    pub veins: Veins,
+    /// What it has of its roll and unevenness: less than 1 where it would meet a neighbour.
+    pub ease: f64,
+    /// Seed of its irregularities.
+    pub seed: u64,
 }
 
-/// A point of the flat outline with its outward normal and the turn of the margin there.
-#[derive(Clone, Copy, Debug)]
-struct RimPoint {
-    at: DVec2,
-    normal: DVec2,
-    roll: f64,
+impl PetalForm {
+    /// Where it lies among the others.
+    pub fn seat(&self) -> Seat {
+        Seat { layer: self.layer, azimuth: self.azimuth_deg.to_radians(), outline: self.outline.clone() }
+    }
 }
 
 /// The mid-surface of a petal.
 #[derive(Clone, Debug)]
 pub struct PetalSurface<'a> {
-    form: PetalForm,
+    form: &'a PetalForm,
     bloom: &'a Bloom,
+    neighbours: &'a Neighbours,
+    margin: Margin,
     apex_mm: f64,
-    rim: Vec<RimPoint>,
+    waves: Vec<FlatWave>,
 }
 
-/// The rim ends a little short of tangent to the sides, so that the grid has no empty corner.
-const RIM_SPAN: f64 = 0.95 * FRAC_PI_2;
-/// Arc steps of a rolled margin.
-const ROLL_STEPS: usize = 8;
+/// A place on the cups.
+struct OnCups {
+    layer: f64,
+    azimuth: f64,
+    s_mm: f64,
+    gaps: Gaps,
+}
+
+/// A wave over the flat petal.
+#[derive(Clone, Copy, Debug)]
+struct FlatWave {
+    k_per_mm: DVec2,
+    phase: f64,
+}
+
 /// Parts of the space between two petals that the inner one may use outwards and the outer one inwards.
-pub(crate) const SPACE_OUTSIDE: f64 = 0.7;
+const SPACE_OUTSIDE: f64 = 0.62;
 const SPACE_INSIDE: f64 = 0.2;
+/// Waves of the crumple.
+const CRUMPLE_WAVES: u32 = 7;
 
 impl<'a> PetalSurface<'a> {
     /// A petal with these traits in this flower.
-    pub fn new(form: PetalForm, bloom: &'a Bloom) -> Self {
+    pub fn new(form: &'a PetalForm, bloom: &'a Bloom, neighbours: &'a Neighbours) -> Self {
         // The touching cone: at the middle of the blade the apex is r / sin(heading) away.
-        let middle_mm = 0.6 * form.length_mm;
+        let middle_mm = 0.6 * form.outline.length_mm;
         let m = bloom.meridian(form.layer, middle_mm);
         let apex_mm = (m.r_mm / m.heading.sin().max(1e-3) - middle_mm).max(1.0);
-        let mut petal = Self { form, bloom, apex_mm, rim: Vec::new() };
-        petal.rim = petal.outline(96);
+        let waves = (0..CRUMPLE_WAVES)
+            .map(|k| {
+                let v = |trait_id: u32| vary(form.seed, k, 60 + trait_id);
+                // Crests run along the petal more than across it, as folds left from the bud do.
+                let (sin, cos) = (0.9 * v(0)).sin_cos();
+                let wavelength_mm = 0.1 * form.outline.width_mm * (2.4 + 1.4 * v(1));
+                FlatWave { k_per_mm: DVec2::new(cos, sin) * (TAU / wavelength_mm), phase: PI * v(2) }
+            })
+            .collect();
+        let margin = Margin::new(&form.outline, &[], form.sharpness_mm);
+        let mut petal = Self { form, bloom, neighbours, margin, apex_mm, waves };
+        let facets: Vec<Facet> = form
+            .facets
+            .iter()
+            .map(|f| Facet { turn_deg: form.ease * f.turn_deg, ..*f })
+            .map(|f| f.within(petal.space_mm(&f)))
+            .collect();
+        petal.margin = Margin::new(&form.outline, &facets, form.sharpness_mm);
         petal
     }
 
-    /// Outline from the left end of the claw over the rim to the right end.
-    fn outline(&self, n: usize) -> Vec<RimPoint> {
-        // t in [0, 3]: left side, rim, right side.
-        let point = |t: f64| {
-            if t < 1.0 {
-                self.blade(0.0, t.max(0.0))
-            } else if t < 2.0 {
-                self.blade(t - 1.0, 1.0)
-            } else {
-                self.blade(1.0, (3.0 - t).max(0.0))
-            }
-        };
-        let [left, tip, right] = self.form.roll_deg.map(f64::to_radians);
-        let roll = |t: f64| {
-            let along = smooth_step(0.45, 1.0, t.min(3.0 - t));
-            let across = (t - 1.5).clamp(-0.5, 0.5) * 2.0;
-            let shoulder = if across < 0.0 { left } else { right };
-            along * (shoulder + (tip - shoulder) * (-(across / 0.3).powi(2)).exp())
-        };
-        (0..=n)
-            .map(|i| {
-                let t = 3.0 * i as f64 / n as f64;
-                let d = point((t + 0.01).min(3.0)) - point((t - 0.01).max(0.0));
-                RimPoint { at: point(t), normal: DVec2::new(-d.y, d.x).normalize_or(DVec2::Y), roll: roll(t) }
-            })
-            .collect()
-    }
-
-    /// Map 1: the flat petal, (across, along) in mm.
-    pub fn blade(&self, u: f64, v: f64) -> DVec2 {
-        let f = &self.form;
-        let across = 2.0 * u - 1.0;
-        let (sin, cos) = (across * RIM_SPAN).sin_cos();
-        let end = RIM_SPAN.cos();
-        let half =
-            0.5 * (f.claw_width_mm + (f.width_mm - f.claw_width_mm) * (FRAC_PI_2 * v.powf(0.85)).sin());
-        let rim = f.widest + (1.0 - f.widest) * (cos - end) / (1.0 - end);
-        let tip = f.tip_mm * (-(across / 0.22).powi(2)).exp() * v * v * v;
-        DVec2::new(half * sin / RIM_SPAN.sin(), v * f.length_mm * rim + tip)
-    }
-
-    /// Map 2: the flat petal on its cup.
-    pub fn wrap(&self, p: DVec2) -> DVec3 {
-        self.wrap_off(p, 0.0)
-    }
-
-    /// Map 2 with a distance `off_mm` to the abaxial side. What stands off the cup is limited softly to the
-    /// petal's share of the space there.
-    fn wrap_off(&self, p: DVec2, off_mm: f64) -> DVec3 {
-        let f = &self.form;
+    /// Where a point of the flat petal comes to lie on the cups.
+    fn on_cups(&self, p: DVec2) -> OnCups {
         let from_apex = DVec2::new(p.x, p.y + self.apex_mm);
-        let s = from_apex.length() - self.apex_mm;
+        let s_mm = from_apex.length() - self.apex_mm;
         let arc = from_apex.length() * from_apex.x.atan2(from_apex.y);
         // The width of the petal is wound on its own spiral: first the radius at its middle, then the
         // layer that the resulting angle climbs to.
-        let radius = self.bloom.meridian(f.layer, s).r_mm;
-        let turn = arc / radius;
-        let layer = f.layer + self.bloom.overlap() * turn;
-        let m = self.bloom.meridian(layer, s);
-        let out = 2.0 * p.x / f.width_mm;
-        let along = (p.y / f.length_mm).clamp(0.0, 1.2);
-        let wave = (f.ruffle_waves * std::f64::consts::PI * out + f.ruffle_phase).sin();
-        let lift = f.cup_mm * out * out * (FRAC_PI_2 * along).sin()
-            + f.ruffle_mm * wave * smooth_step(0.3, 1.0, along.max(out.abs() * 0.8))
-            - off_mm;
-        let space = self.bloom.clearance_mm(layer, s, f.width_mm) + 1e-6;
-        let lift = soft_limit(lift, space * if lift < 0.0 { SPACE_OUTSIDE } else { SPACE_INSIDE });
+        let radius_mm = self.bloom.meridian(self.form.layer, s_mm).r_mm;
+        let turn = arc / radius_mm;
+        let layer = self.form.layer + self.bloom.overlap() * turn;
+        let azimuth = self.form.azimuth_deg.to_radians() + turn;
+        let gaps = self.neighbours.gaps(self.bloom, layer, azimuth, s_mm, radius_mm);
+        OnCups { layer, azimuth, s_mm, gaps }
+    }
+
+    /// The space outside a facet, mm: the least at three places of it.
+    fn space_mm(&self, facet: &Facet) -> f64 {
+        let (sin, cos) = facet.direction_deg.to_radians().sin_cos();
+        let normal = DVec2::new(-sin, cos);
+        let outline = &self.form.outline;
+        let out_mm = outline.support_mm(normal) - 0.5 * facet.width_mm;
+        let centre = DVec2::new(0.0, outline.widest * outline.length_mm);
+        let middle = centre + (out_mm - centre.dot(normal)) * normal;
+        [-0.15, 0.0, 0.15]
+            .map(|k| self.space_outside_mm(&self.on_cups(middle + k * outline.width_mm * normal.perp())))
+            .into_iter()
+            .fold(f64::INFINITY, f64::min)
+    }
+
+    /// How far the petal may stand off to its abaxial side, mm.
+    fn space_outside_mm(&self, at: &OnCups) -> f64 {
+        SPACE_OUTSIDE * self.bloom.apart_mm(at.layer, at.layer + at.gaps.outside, at.s_mm)
+    }
+
+    /// The mid-surface: a point of the flat petal in space.
+    pub fn at_flat(&self, flat: DVec2) -> DVec3 {
+        let (p, rolled_mm) = self.margin.roll(flat, |p| self.space_outside_mm(&self.on_cups(p)));
+        let at = self.on_cups(p);
+        let lift = self.uneven(flat) - rolled_mm;
+        let lift = if lift < 0.0 {
+            -soft_limit(-lift, self.space_outside_mm(&at) + 1e-6)
+        } else {
+            let space = self.bloom.apart_mm(at.layer, at.layer - at.gaps.inside, at.s_mm);
+            soft_limit(lift, SPACE_INSIDE * space + 1e-6)
+        };
+        let m = self.bloom.meridian(at.layer, at.s_mm);
         let (sin, cos) = m.heading.sin_cos();
-        let r = m.r_mm - lift * cos;
-        self.bloom.place(r, f.azimuth_deg.to_radians() + turn, m.z_mm + lift * sin)
+        self.bloom.place(m.r_mm - lift * cos, at.azimuth, m.z_mm + lift * sin)
     }
 
-    /// Map 3: the margin rolled back.
-    fn roll(&self, p: DVec2) -> DVec3 {
-        let (q, normal, roll) = self.to_rim(p);
-        let width = self.form.roll_width_mm;
-        if q >= width || roll.abs() < 1e-9 {
-            return self.wrap(p);
-        }
-        let travel = width - q;
-        let (mut forward, mut down) = (0.0, 0.0);
-        for k in 0..ROLL_STEPS {
-            let x = travel * (k as f64 + 0.5) / ROLL_STEPS as f64;
-            let phi = roll * (x / width).powi(2);
-            forward += phi.cos();
-            down += phi.sin();
-        }
-        let step = travel / ROLL_STEPS as f64;
-        self.wrap_off(p + normal * (forward * step - travel), down * step)
-    }
-
-    /// Smooth distance to the rim, its outward normal and turn nearby.
-    fn to_rim(&self, p: DVec2) -> (f64, DVec2, f64) {
-        let nearest = self.rim.iter().map(|r| r.at.distance_squared(p)).fold(f64::INFINITY, f64::min).sqrt();
-        let softness = 0.6 + 0.25 * nearest;
-        let (mut weight, mut q, mut normal, mut roll) = (0.0, 0.0, DVec2::ZERO, 0.0);
-        for r in &self.rim {
-            let w = (-(r.at.distance(p) - nearest) / softness).exp();
-            weight += w;
-            q += w * (r.at - p).dot(r.normal);
-            normal += w * r.normal;
-            roll += w * r.roll;
-        }
-        ((q / weight).max(0.0), normal.normalize_or(DVec2::Y), roll / weight)
+    /// Cup, fold, ruffle and crumple of the blade: distance to the adaxial side, mm.
+    fn uneven(&self, p: DVec2) -> f64 {
+        let f = self.form;
+        let out = 2.0 * p.x / f.outline.width_mm;
+        let along = (p.y / f.outline.length_mm).clamp(0.0, 1.2);
+        let belly = (FRAC_PI_2 * along).sin();
+        let cup = f.cup_mm * out * out * belly;
+        let fold = -f.fold_mm * (-(out / 0.16).powi(2)).exp() * belly;
+        let near_rim = smooth_step(0.35, 1.0, along.max(0.85 * out.abs()));
+        let phase = |trait_id: u32| PI * vary(f.seed, 0, 50 + trait_id);
+        let ruffle = f.ruffle_mm
+            * near_rim
+            * ((f.ruffle_waves * PI * out + phase(0)).sin()
+                + 0.5 * (2.3 * f.ruffle_waves * PI * out + phase(1)).sin());
+        let crumple = f.crumple_mm
+            * (0.25 + 0.75 * near_rim)
+            * smooth_step(0.0, 0.3, along)
+            * self.waves.iter().map(|w| (w.k_per_mm.dot(p) + w.phase).sin()).sum::<f64>()
+            / f64::from(CRUMPLE_WAVES).sqrt();
+        f.ease * (cup + fold + ruffle + crumple)
     }
 }
 
 impl Sheet for PetalSurface<'_> {
     fn at(&self, u: f64, v: f64) -> DVec3 {
-        self.roll(self.blade(u, v))
+        self.at_flat(self.form.outline.at(u, v))
+    }
+
+    fn relief_mm(&self, u: f64, v: f64) -> f64 {
+        // The veins stand out on the abaxial side and are grooves on the adaxial one.
+        -self.form.vein_relief_mm * self.form.veins.at(&self.form.outline, u, v)
     }
 
     fn uv(&self, u: f64, v: f64) -> DVec2 {
-        let p = self.blade(u, v);
+        let p = self.form.outline.at(u, v);
         let [w, l] = self.uv_scale_mm().map(f64::from);
-        DVec2::new(p.x / w + 0.5, p.y / l)
+        DVec2::new(p.x / w + 0.5, p.y.max(0.0) / l)
     }
 
     fn uv_scale_mm(&self) -> [f32; 2] {
-        [self.form.width_mm as f32, (self.form.length_mm + self.form.tip_mm.max(0.0)) as f32]
+        let o = &self.form.outline;
+        [o.width_mm as f32, (o.length_mm + o.tip_mm.max(0.0)) as f32]
     }
 }
 
-/// `x` for small values, at most `limit` in size.
+/// `x` >= 0 for small values, at most `limit`.
 fn soft_limit(x: f64, limit: f64) -> f64 {
-    x / (1.0 + (x / limit).powi(4)).powf(0.25)
-}
-
-fn smooth_step(low: f64, high: f64, x: f64) -> f64 {
-    let t = ((x - low) / (high - low)).clamp(0.0, 1.0);
-    t * t * (3.0 - 2.0 * t)
+    x / (1.0 + (x / limit).powi(3)).cbrt()
 }
 
 #[cfg(test)]
@@ -237,36 +241,52 @@ mod tests {
 
     fn bloom() -> Bloom {
         let d = RoseDescription::hybrid_tea();
-        Bloom::new(&d.bloom, 36, 40.0, 46.0, 6.0)
+        Bloom::new(&d.bloom, 36, 40.0, 46.0, 6.0, 1.0)
     }
 
     fn plain() -> PetalForm {
-        PetalForm {
-            layer: 26.0,
-            azimuth_deg: 0.0,
+        let outline = Outline {
             length_mm: 46.0,
             width_mm: 48.0,
             claw_width_mm: 9.0,
             widest: 0.6,
             tip_mm: 0.0,
+            nicks_mm: 0.0,
+            seed: 0,
+        };
+        PetalForm {
+            layer: 26.0,
+            azimuth_deg: 0.0,
+            outline,
+            facets: Vec::new(),
+            sharpness_mm: 1.0,
             cup_mm: 0.0,
-            roll_deg: [0.0; 3],
-            roll_width_mm: 10.0,
+            fold_mm: 0.0,
             ruffle_mm: 0.0,
             ruffle_waves: 2.0,
-            ruffle_phase: 0.0,
+            crumple_mm: 0.0,
+            vein_relief_mm: 0.0,
+            veins: Veins::default(),
+            ease: 1.0,
+            seed: 0,
         }
     }
 
+    /// Two edges that roll right up, a cusp between them.
+    fn rolled() -> PetalForm {
+        let facet = |direction_deg| Facet { direction_deg, width_mm: 10.0, turn_deg: 100.0 };
+        PetalForm { facets: vec![facet(-40.0), facet(40.0)], ..plain() }
+    }
+
     fn area(form: PetalForm, bloom: &Bloom) -> f32 {
-        let m = mesh(&PetalSurface::new(form, bloom), 60, 80, 1.5);
+        let m = mesh(&PetalSurface::new(&form, bloom, &Neighbours::default()), 60, 80, 1.5);
         (0..m.triangles.len()).map(|f| m.face_area(f)).sum()
     }
 
     #[test]
     fn a_plain_petal_lies_on_its_cup() {
-        let bloom = bloom();
-        let petal = PetalSurface::new(plain(), &bloom);
+        let (bloom, alone, form) = (bloom(), Neighbours::default(), plain());
+        let petal = PetalSurface::new(&form, &bloom, &alone);
         for v in [0.0, 0.2, 0.5, 0.8, 1.0] {
             let p = petal.at(0.5, v);
             let m = bloom.meridian(26.0, 46.0 * v);
@@ -277,43 +297,46 @@ mod tests {
     #[test]
     fn bending_nearly_keeps_area() {
         let bloom = bloom();
-        let petal = PetalSurface::new(plain(), &bloom);
+        let outline = plain().outline;
         let n = 400;
         let flat: f64 = (0..n)
             .flat_map(|i| (0..n).map(move |j| (i, j)))
             .map(|(i, j)| {
-                let p = |a: usize, b: usize| petal.blade(a as f64 / n as f64, b as f64 / n as f64);
+                let p = |a: usize, b: usize| outline.at(a as f64 / n as f64, b as f64 / n as f64);
                 (p(i + 1, j) - p(i, j)).perp_dot(p(i, j + 1) - p(i, j))
             })
             .sum();
         let wrapped = f64::from(area(plain(), &bloom));
-        let rolled = f64::from(area(PetalForm { roll_deg: [100.0, 60.0, 100.0], ..plain() }, &bloom));
+        let rolled = f64::from(area(rolled(), &bloom));
         // A doubly curved cup must stretch a flat petal; living petals grow to it.
         assert!((wrapped / flat - 1.0).abs() < 0.15, "{wrapped} {flat}");
-        // Where the next petal stops the roll, its margin is pressed flat and loses some length.
         assert!((rolled / wrapped - 1.0).abs() < 0.12, "{rolled} {wrapped}");
     }
 
     #[test]
     fn the_rim_rolls_to_the_abaxial_side() {
-        let bloom = bloom();
-        let still = PetalSurface::new(plain(), &bloom);
-        let rolled = PetalSurface::new(PetalForm { roll_deg: [90.0; 3], ..plain() }, &bloom);
+        let (bloom, alone, still, rolled) = (bloom(), Neighbours::default(), plain(), rolled());
+        let still = PetalSurface::new(&still, &bloom, &alone);
+        let rolled = PetalSurface::new(&rolled, &bloom, &alone);
         let heading = bloom.meridian(26.0, 46.0).heading;
         let adaxial = DVec3::new(-heading.cos(), 0.0, heading.sin());
-        assert!((rolled.at(0.5, 1.0) - still.at(0.5, 1.0)).dot(adaxial) < -1.0);
+        for (u, least_mm) in [(0.25, 2.5), (0.5, 0.3), (0.75, 2.5)] {
+            let off = (rolled.at(u, 1.0) - still.at(u, 1.0)).dot(adaxial);
+            assert!(off < -least_mm, "{u}: {off}");
+        }
         assert!((rolled.at(0.5, 0.5) - still.at(0.5, 0.5)).length() < 1e-9);
     }
 
     #[test]
     fn texture_coordinates_are_the_flat_petal() {
-        let bloom = bloom();
-        let petal = PetalSurface::new(PetalForm { tip_mm: 2.0, ..plain() }, &bloom);
+        let (bloom, alone, mut form) = (bloom(), Neighbours::default(), plain());
+        form.outline.tip_mm = 2.0;
+        let petal = PetalSurface::new(&form, &bloom, &alone);
         let [w, l] = petal.uv_scale_mm().map(f64::from);
         for (u, v) in [(0.0, 0.0), (0.3, 0.7), (0.5, 1.0), (1.0, 1.0)] {
             let t = petal.uv(u, v);
             assert!(t.min_element() >= -1e-9 && t.max_element() <= 1.0 + 1e-9, "{t}");
-            assert!((DVec2::new((t.x - 0.5) * w, t.y * l) - petal.blade(u, v)).length() < 1e-6);
+            assert!((DVec2::new((t.x - 0.5) * w, t.y * l) - form.outline.at(u, v)).length() < 1e-6);
         }
     }
 }

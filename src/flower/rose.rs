@@ -9,17 +9,14 @@ use std::str::FromStr;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::flower::bloom::{Bloom, BloomDescription};
-use crate::flower::green;
+use crate::flower::bloom::{BloomDescription, OVERBLOWN};
 use crate::flower::leaf::LeafDescription;
-use crate::flower::petal::{PetalForm, PetalSurface, SPACE_OUTSIDE};
-use crate::flower::phyllotaxis::{GOLDEN_ANGLE_DEG, Spiral, vary};
+use crate::flower::petal_description::PetalDescription;
+use crate::flower::phyllotaxis::GOLDEN_ANGLE_DEG;
 use crate::flower::prickle::PrickleDescription;
 use crate::flower::sepal::SepalDescription;
-use crate::flower::sheet::{Sheet, mesh};
 use crate::flower::stamens::StamenDescription;
 use crate::flower::stem::StemDescription;
-use crate::flower::{Flower, Organ, OrganKind};
 use crate::{Error, Result};
 
 /// A rose. Every key has a default: the preset `hybrid_tea`.
@@ -32,6 +29,8 @@ pub struct RoseDescription {
     pub petals: u32,
     /// Angle from one petal to the next, deg (default 137.50776, the golden angle).
     pub divergence_deg: f64,
+    /// How far the flower has opened: 0 = bud, 1 = bloom, 1.3 = overblown (default 1).
+    pub openness: f64,
     /// Size of the seeded differences between petals: 0 = none, 1 = natural (default 1).
     pub irregularity: f64,
     /// Fineness of the meshes: 1 = about 80 000 triangles; triangles grow with its square (default 1).
@@ -52,83 +51,6 @@ pub struct RoseDescription {
     pub stem: StemDescription,
 }
 
-/// Shape of the petals. What differs from the centre out has an inner and an outer value.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct PetalDescription {
-    /// Length of the innermost petal, mm (default 46).
-    pub inner_length_mm: f64,
-    /// Length of the outer half of the petals, mm (default 50).
-    pub length_mm: f64,
-    /// Width of the innermost petal, mm (default 17).
-    pub inner_width_mm: f64,
-    /// Width of the outer half of the petals, mm (default 54).
-    pub width_mm: f64,
-    /// Width at the receptacle, mm (default 9).
-    pub claw_width_mm: f64,
-    /// Where the petal is widest, as a part of its length (default 0.6).
-    pub widest: f64,
-    /// Point (positive) or notch (negative) in the middle of the rim of the outermost petals, mm
-    /// (default 3).
-    pub tip_mm: f64,
-    /// How far the margins stand up from the middle of the petal, mm (default 2.5).
-    pub cup_mm: f64,
-    /// Turn of the rolled margin of the innermost petals, deg (default 25).
-    pub roll_inner_deg: f64,
-    /// Turn of the rolled margin of the outermost petals, deg (default 150).
-    pub roll_outer_deg: f64,
-    /// Width of the rolled margin of the outermost petals, mm (default 14).
-    pub roll_width_mm: f64,
-    /// Roll in the middle of the rim, as a part of the roll at the shoulders: less than 1 leaves a point
-    /// (default 0.5).
-    pub roll_tip: f64,
-    /// Amplitude of the waves of the rim, mm (default 1.2).
-    pub ruffle_mm: f64,
-    /// Waves along the rim (default 2.5).
-    pub ruffle_waves: f64,
-}
-
-impl Default for PetalDescription {
-    fn default() -> Self {
-        Self {
-            inner_length_mm: 46.0,
-            length_mm: 50.0,
-            inner_width_mm: 17.0,
-            width_mm: 54.0,
-            claw_width_mm: 9.0,
-            widest: 0.6,
-            tip_mm: 3.0,
-            cup_mm: 2.5,
-            roll_inner_deg: 25.0,
-            roll_outer_deg: 150.0,
-            roll_width_mm: 14.0,
-            roll_tip: 0.5,
-            ruffle_mm: 1.2,
-            ruffle_waves: 2.5,
-        }
-    }
-}
-
-impl PetalDescription {
-    /// Checks every key; `at` is the dotted path of this table.
-    pub fn validate(&self, at: &str) -> Result<()> {
-        check(at, "inner_length_mm", self.inner_length_mm, 1.0, 200.0)?;
-        check(at, "length_mm", self.length_mm, 1.0, 200.0)?;
-        check(at, "inner_width_mm", self.inner_width_mm, 1.0, 200.0)?;
-        check(at, "width_mm", self.width_mm, 1.0, 200.0)?;
-        check(at, "claw_width_mm", self.claw_width_mm, 0.5, 100.0)?;
-        check_unit_open(at, "widest", self.widest)?;
-        check(at, "tip_mm", self.tip_mm, -20.0, 20.0)?;
-        check(at, "cup_mm", self.cup_mm, -20.0, 20.0)?;
-        check(at, "roll_inner_deg", self.roll_inner_deg, -360.0, 360.0)?;
-        check(at, "roll_outer_deg", self.roll_outer_deg, -360.0, 360.0)?;
-        check(at, "roll_width_mm", self.roll_width_mm, 0.1, 50.0)?;
-        check(at, "roll_tip", self.roll_tip, 0.0, 2.0)?;
-        check(at, "ruffle_mm", self.ruffle_mm, 0.0, 10.0)?;
-        check(at, "ruffle_waves", self.ruffle_waves, 0.0, 20.0)
-    }
-}
-
 impl Default for RoseDescription {
     fn default() -> Self {
         Self::hybrid_tea()
@@ -145,6 +67,7 @@ impl RoseDescription {
             seed: 1,
             petals: 35,
             divergence_deg: GOLDEN_ANGLE_DEG,
+            openness: 1.0,
             irregularity: 1.0,
             detail: 1.0,
             petal: PetalDescription::default(),
@@ -165,11 +88,14 @@ impl RoseDescription {
         d.petal.length_mm = 44.0;
         d.petal.tip_mm = -1.5;
         d.petal.roll_outer_deg = 60.0;
-        d.petal.roll_tip = 1.0;
+        d.petal.facets = 1.0;
+        d.petal.cup_outer_mm = 2.0;
         d.petal.ruffle_mm = 2.0;
         d.bloom.inner_deg = -8.0;
         d.bloom.outer_deg = 52.0;
         d.bloom.power = 1.4;
+        d.bloom.bud_deg = -6.0;
+        d.bloom.bud_base_deg = 60.0;
         d.bloom.reflex_inner_deg = 10.0;
         d.bloom.reflex_outer_deg = 14.0;
         d
@@ -187,6 +113,8 @@ impl RoseDescription {
         d.petal.claw_width_mm = 6.0;
         d.petal.widest = 0.7;
         d.petal.tip_mm = -5.0;
+        d.petal.facets = 1.0;
+        d.petal.cup_outer_mm = 2.5;
         d.petal.roll_inner_deg = 20.0;
         d.petal.roll_outer_deg = 20.0;
         d.petal.roll_width_mm = 6.0;
@@ -214,10 +142,14 @@ impl RoseDescription {
         d
     }
 
+    /// Names of fineness: for looking at a flower, and for a finished picture.
+    pub const DETAILS: [(&str, f64); 2] = [("preview", 0.5), ("final", 8.0)];
+
     /// Checks every key; `at` is the dotted path of this table ("rose", or "").
     pub fn validate(&self, at: &str) -> Result<()> {
         check(at, "petals", f64::from(self.petals), 1.0, 400.0)?;
         check(at, "divergence_deg", self.divergence_deg, -360.0, 360.0)?;
+        check(at, "openness", self.openness, 0.0, OVERBLOWN)?;
         check(at, "irregularity", self.irregularity, 0.0, 3.0)?;
         check(at, "detail", self.detail, 0.1, 20.0)?;
         let sub = |key: &str| if at.is_empty() { key.to_owned() } else { format!("{at}.{key}") };
@@ -248,85 +180,6 @@ impl FromStr for RoseDescription {
     }
 }
 
-/// Grows the rose.
-pub fn grow(description: &RoseDescription) -> Result<Flower> {
-    description.validate("rose")?;
-    let d = description;
-    let scaled = |n: f64| ((n * d.detail).round() as usize).max(4);
-    let mut flower = Flower::default();
-    let bloom = Bloom::new(
-        &d.bloom,
-        d.petals,
-        d.petal.inner_length_mm,
-        d.petal.length_mm,
-        d.stem.receptacle_radius_mm,
-    )
-    .sway(d.seed, d.irregularity);
-    for index in 0..d.petals {
-        let petal = PetalSurface::new(petal_form(d, &bloom, index), &bloom);
-        add(
-            &mut flower,
-            OrganKind::Petal,
-            index,
-            mesh(&petal, scaled(28.0), scaled(26.0), 1.5),
-            petal.uv_scale_mm(),
-        );
-    }
-    green::grow(&mut flower, d, 1.0);
-    Ok(flower)
-}
-
-fn add(flower: &mut Flower, kind: OrganKind, index: u32, mesh: crate::geometry::Mesh, uv_scale_mm: [f32; 2]) {
-    flower.organs.push(Organ { kind, index, mesh, uv_scale_mm });
-}
-
-/// The traits of petal `index`.
-fn petal_form(d: &RoseDescription, bloom: &Bloom, index: u32) -> PetalForm {
-    let p = &d.petal;
-    let v = |k| d.irregularity * vary(d.seed, index, k);
-    let spiral = Spiral { divergence_deg: d.divergence_deg, jitter_deg: 4.0 * d.irregularity, seed: d.seed };
-    // Outer petals have room to stand out of order.
-    let loose = f64::from(index) / f64::from(d.petals);
-    let layer = f64::from(index) + 2.0 + (0.06 + 0.4 * loose.powi(4)) * v(1);
-    let age = bloom.age(layer);
-    let grown = (2.0 * age).min(1.0) * (2.0 - (2.0 * age).min(1.0));
-    let lerp = |a: f64, b: f64, t: f64| a + (b - a) * t.clamp(0.0, 1.0);
-    let roll = lerp(p.roll_inner_deg, p.roll_outer_deg, age);
-    let length_mm = bloom.length_mm(age) * (1.0 + 0.04 * v(2));
-    let width_mm = lerp(p.inner_width_mm, p.width_mm, grown) * (1.0 + 0.06 * v(3));
-    // The margin may roll into the space before the next petal, not through it: first the roll gets tighter,
-    // then, from a quarter of its width down, weaker.
-    let clearance_mm = SPACE_OUTSIDE * bloom.clearance_mm(layer, length_mm, width_mm);
-    let reach = rolled_depth(roll.to_radians());
-    let full_mm = p.roll_width_mm * lerp(0.4, 1.0, age * 1.5);
-    let roll_width_mm = (clearance_mm / reach.abs().max(1e-6)).clamp(0.3 * full_mm, full_mm);
-    let roll = roll * (clearance_mm / (reach.abs() * roll_width_mm).max(1e-6)).min(1.0);
-    PetalForm {
-        layer,
-        azimuth_deg: spiral.azimuth_deg(index),
-        length_mm,
-        width_mm,
-        claw_width_mm: p.claw_width_mm * lerp(0.5, 1.0, age),
-        widest: p.widest,
-        tip_mm: p.tip_mm * age * (1.0 + 0.5 * v(4)),
-        cup_mm: p.cup_mm * age * (1.0 + 0.5 * v(5)),
-        roll_deg: [
-            roll * (1.0 + 0.35 * v(6)),
-            roll * p.roll_tip * (1.0 + 0.3 * v(7)),
-            roll * (1.0 + 0.35 * v(8)),
-        ],
-        roll_width_mm,
-        ruffle_mm: p.ruffle_mm * age,
-        ruffle_waves: p.ruffle_waves * (1.0 + 0.3 * v(9)),
-        ruffle_phase: std::f64::consts::PI * vary(d.seed, index, 10),
-    }
-}
-
-/// How far a margin of width 1 that turns by `roll` radians stands off its petal.
-fn rolled_depth(roll: f64) -> f64 {
-    (0..16).map(|k| (roll * ((f64::from(k) + 0.5) / 16.0).powi(2)).sin() / 16.0).sum()
-}
-
 /// Checks that a value is a number from `low` to `high`.
 pub(crate) fn check(at: &str, key: &str, value: f64, low: f64, high: f64) -> Result<()> {
     if value >= low && value <= high {
@@ -346,7 +199,8 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
-    use crate::flower::phyllotaxis::GOLDEN_ANGLE_DEG;
+    use crate::flower::crossings::crossings;
+    use crate::flower::{Flower, Organ, OrganKind, grow};
 
     fn preset(name: &str) -> RoseDescription {
         name.parse().expect("a preset")
@@ -448,54 +302,26 @@ mod tests {
         }
     }
 
-    /// Part of the petals' triangles with an edge that passes through another petal.
-    fn crossing_share(flower: &Flower) -> f64 {
-        use obvhs::{BvhBuildParams, bvh2::builder::build_bvh2_from_tris, ray::Ray, triangle::Triangle};
-        let (mut triangles, mut petal) = (Vec::new(), Vec::new());
-        for o in flower.of_kind(OrganKind::Petal) {
-            for f in 0..o.mesh.triangles.len() {
-                let [v0, v1, v2] = o.mesh.corners(f).map(Into::into);
-                triangles.push(Triangle { v0, v1, v2 });
-                petal.push(o.index);
-            }
-        }
-        let bvh = build_bvh2_from_tris(&triangles, BvhBuildParams::fast_build(), &mut Default::default());
-        let crosses = |k: usize| {
-            let t = &triangles[k];
-            [(t.v0, t.v1), (t.v1, t.v2), (t.v2, t.v0)].into_iter().any(|(a, b)| {
-                let length = (b - a).length();
-                let mut hit = false;
-                bvh.ray_traverse_anyhit(Ray::new(a, (b - a) / length, 0.0, length), |ray, id| {
-                    let other = bvh.primitive_indices[id] as usize;
-                    if petal[other] != petal[k] {
-                        let d = triangles[other].intersect(ray);
-                        hit |= d > 1e-3 && d < length - 1e-3;
-                    }
-                });
-                hit
-            })
-        };
-        (0..triangles.len()).filter(|&k| crosses(k)).count() as f64 / triangles.len() as f64
-    }
-
     #[test]
-    fn few_petals_cross() {
-        // Petals on their cups alone never meet; what the rims add may touch here and there.
-        let mut plain = RoseDescription { irregularity: 0.0, detail: 2.0, ..preset("hybrid_tea") };
-        plain.petal.cup_mm = 0.0;
-        plain.petal.ruffle_mm = 0.0;
-        plain.petal.roll_inner_deg = 0.0;
-        plain.petal.roll_outer_deg = 0.0;
-        let share = crossing_share(&grow(&plain).expect("grows"));
-        assert!(share == 0.0, "plain: {share}");
-        let share = crossing_share(&grow(&preset("hybrid_tea")).expect("grows"));
-        assert!(share < 0.002, "{share}");
+    fn petals_do_not_cross() {
+        // `tests/flowers.rs` has all presets, 20 seeds and six stages.
+        for (name, openness, seed) in
+            [("hybrid_tea", 0.0, 1), ("hybrid_tea", 1.0, 2), ("cupped", 0.5, 3), ("wild", 1.3, 4)]
+        {
+            let mut flower =
+                grow(&RoseDescription { openness, seed, detail: 0.6, ..preset(name) }).expect("grows");
+            flower.organs.retain(|o| o.kind == OrganKind::Petal);
+            let report = crossings(&flower);
+            assert_eq!(report.total(), 0, "{name} {openness} {seed}: {report}");
+        }
     }
 
     #[test]
     fn bad_descriptions_are_refused() {
         type Spoil = fn(&mut RoseDescription);
-        let bad: [(&str, Spoil); 8] = [
+        let bad: [(&str, Spoil); 10] = [
+            ("rose.openness", |d| d.openness = 1.4),
+            ("rose.petal.facets", |d| d.petal.facets = 0.0),
             ("rose.petals", |d| d.petals = 0),
             ("rose.detail", |d| d.detail = 0.0),
             ("rose.divergence_deg", |d| d.divergence_deg = f64::INFINITY),
