@@ -14,6 +14,7 @@ mod input;
 mod light;
 mod light_report;
 mod measure;
+mod oidn;
 mod optics;
 mod output;
 mod plot;

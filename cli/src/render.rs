@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use glam::UVec2;
+use rosarium::film::denoise::{Noisy, denoise};
 use rosarium::film::{Film, PixelRect, ToneMap};
 use rosarium::scene::description::{IntegratorName, PetalDescription};
 use rosarium::scene::{
@@ -15,6 +16,7 @@ use rosarium::{Error, Result, io};
 
 use crate::assets::CachedAssets;
 use crate::input::{self, Overrides};
+use crate::oidn::{self, Oidn};
 use crate::output::Output;
 use crate::progress::{Bar, peak_memory};
 use crate::{Global, Outcome, progress, report};
@@ -29,6 +31,7 @@ Examples:
   rosarium render                                     the built-in rose to rose.png and rose.exr
   rosarium render -D film.width=256 -D film.height=256 --spp 4 -o quick.png
   rosarium render scenes/thesis.toml -o a.exr -o a.png --integrator raytrace -D petal.samples=64
+  rosarium render --denoise --spp 16 -o smooth.png
   rosarium render --petal petal.toml -o fitted.png
   rosarium render --petal pink -D petal.gradient.claw=0.2 -o pink.png
   rosarium render scenes/rose.toml -o part.exr --crop 0.25,0.75,0.25,0.75 --seed 3
@@ -61,11 +64,21 @@ pub(crate) struct Args {
     /// Do not guide paths, whatever the scene says.
     #[arg(long)]
     no_guide: bool,
+    /// Filter the noise from the finished picture; the EXR keeps the noisy light beside it.
+    #[arg(long, overrides_with = "no_denoise")]
+    denoise: bool,
+    /// Do not filter the noise, whatever the scene says.
+    #[arg(long)]
+    no_denoise: bool,
+    /// Open Image Denoise for --denoise: its library, or the folder that holds it. Default: $OIDN_LIBRARY_PATH, then the
+    /// system's; without any, a filter of our own.
+    #[arg(long, value_name = "PATH")]
+    oidn: Option<PathBuf>,
     /// Exposure of the PNG in stops, instead of the scene's.
     #[arg(long, value_name = "EV", allow_negative_numbers = true, value_parser = parse_exposure)]
     exposure: Option<f64>,
     /// Tone curve of the PNG, instead of the scene's.
-    #[arg(long, value_name = "NAME", value_parser = named::<ToneMap>(&["agx", "aces", "linear"]))]
+    #[arg(long, value_name = "NAME", value_parser = named::<ToneMap>(&["agx", "agx_punchy", "aces", "linear"]))]
     tone_map: Option<ToneMap>,
     /// Folder that keeps petals that were measured. Default: rosarium in the user's cache folder.
     #[arg(long, value_name = "DIR")]
@@ -130,6 +143,7 @@ pub(crate) fn run(args: &Args, global: Global) -> Result<Outcome> {
         }
         None => PixelRect::full(resolution),
     };
+    let denoiser = Denoiser::new(args, &scene, global)?;
     let settings = RenderSettings { spp: scene.render.spp, seed: scene.render.seed, crop };
 
     let prepared = prepare(&scene)?;
@@ -147,9 +161,11 @@ pub(crate) fn run(args: &Args, global: Global) -> Result<Outcome> {
         spp: settings.spp,
         scene_hash: format!("{:032x}", scene.scene_hash),
         render_time_s: seconds as f32,
+        denoiser: denoiser.name().to_owned(),
     };
+    let denoised = denoiser.run(&rendered.film)?;
     for output in &outputs {
-        output.write(&encode(output.format, &rendered.film, &scene, &metadata)?)?;
+        output.write(&encode(output.format, &rendered.film, denoised.as_deref(), &scene, &metadata)?)?;
     }
 
     if rendered.film.rejected() > 0 {
@@ -194,6 +210,7 @@ fn read_scene(args: &Args, global: Global) -> Result<Scene> {
         render.seed = args.seed.unwrap_or(render.seed);
         render.integrator = args.integrator.unwrap_or(render.integrator);
         render.guide = (render.guide || args.guide) && !args.no_guide;
+        render.denoise = (render.denoise || args.denoise) && !args.no_denoise;
         film.exposure_ev = args.exposure.unwrap_or(film.exposure_ev);
         film.tone_map = args.tone_map.unwrap_or(film.tone_map);
     };
@@ -270,11 +287,72 @@ fn prepare(scene: &Scene) -> Result<Prepared> {
     Ok(prepared)
 }
 
-fn encode(format: &str, film: &Film, scene: &Scene, metadata: &io::exr::Metadata) -> Result<Vec<u8>> {
-    if format == "exr" {
-        return io::exr::write(film, metadata);
+/// What filters the noise.
+enum Denoiser {
+    Off,
+    Oidn(Oidn),
+    Filter,
+}
+
+impl Denoiser {
+    /// Chosen before the render, so that a wrong path costs no time.
+    fn new(args: &Args, scene: &Scene, global: Global) -> Result<Self> {
+        if !scene.render.denoise {
+            return match &args.oidn {
+                Some(_) => Err(Error::invalid("--oidn", "goes with --denoise, or `render.denoise = true`")),
+                None => Ok(Self::Off),
+            };
+        }
+        Ok(match Oidn::find(args.oidn.as_deref())? {
+            Some(oidn) => Self::Oidn(oidn),
+            None => {
+                let how = oidn::HOW_TO_GET;
+                progress::say(
+                    global,
+                    &format!("Open Image Denoise is not there ({how}); a plain filter is used"),
+                );
+                Self::Filter
+            }
+        })
     }
-    let screen = scene.view.develop(film, &film.beauty());
+
+    fn name(&self) -> &'static str {
+        match self {
+            Self::Off => "",
+            Self::Oidn(_) => "Open Image Denoise",
+            Self::Filter => "non-local means",
+        }
+    }
+
+    fn run(&self, film: &Film) -> Result<Option<Vec<[f32; 3]>>> {
+        let started = Instant::now();
+        let light = match self {
+            Self::Off => return Ok(None),
+            Self::Oidn(oidn) => oidn.denoise(&Noisy::new(film))?,
+            Self::Filter => denoise(&Noisy::new(film)),
+        };
+        tracing::info!(by = self.name(), seconds = started.elapsed().as_secs_f32(), "denoised");
+        Ok(Some(light))
+    }
+}
+
+fn encode(
+    format: &str,
+    film: &Film,
+    denoised: Option<&[[f32; 3]]>,
+    scene: &Scene,
+    metadata: &io::exr::Metadata,
+) -> Result<Vec<u8>> {
+    if format == "exr" {
+        return match denoised {
+            Some(light) => io::exr::write_denoised(film, light, metadata),
+            None => io::exr::write(film, metadata),
+        };
+    }
+    let screen = match denoised {
+        Some(light) => scene.view.develop(film, light),
+        None => scene.view.develop(film, &film.beauty()),
+    };
     io::png::write_screen((film.width(), film.height()), &screen, io::png::Depth::Eight)
 }
 

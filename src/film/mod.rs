@@ -6,6 +6,7 @@ pub mod film;
 pub mod filter;
 pub mod tonemap;
 pub mod view;
+pub mod denoise;
 
 pub use film::{Film, FilmSample, Pixel, PixelRect};
 pub use filter::{Filter, FilterSample};

@@ -15,6 +15,9 @@
 //! | `petal_id` `organ_id`    | u32   | of the pixel's first sample; 0 is none                           |
 //! | `samples`                | u32   | number of samples                                                |
 //!
+//! A denoised picture has its light without noise in `R G B`, the film's own in `noisy.R` `.G` `.B`, and the variance of that in
+//! `noisy_variance.R` `.G` `.B` in place of `variance`.
+//!
 //! The pixels' bytes depend on the film only. Reading keeps to one flat part without subsampled channels.
 
 use std::collections::BTreeMap;
@@ -52,6 +55,8 @@ pub struct Metadata {
     pub scene_hash: String,
     /// Attribute `renderTimeSeconds`.
     pub render_time_s: f32,
+    /// Attribute `denoiser`: what took the noise away; none where it is empty.
+    pub denoiser: String,
 }
 
 /// Samples of one channel, row by row.
@@ -111,6 +116,19 @@ impl Channels {
 
 /// Writes a film with all its layers.
 pub fn write(film: &Film, metadata: &Metadata) -> Result<Vec<u8>> {
+    write_film(film, None, metadata)
+}
+
+/// Writes a film with all its layers, and the light of it without noise, linear sRGB.
+pub fn write_denoised(film: &Film, denoised: &[[f32; 3]], metadata: &Metadata) -> Result<Vec<u8>> {
+    if denoised.len() != film.pixels().len() {
+        let what = format_args!("{} pixels for a film of {}", denoised.len(), film.pixels().len());
+        return Err(invalid(FORMAT, what));
+    }
+    write_film(film, Some(denoised), metadata)
+}
+
+fn write_film(film: &Film, denoised: Option<&[[f32; 3]]>, metadata: &Metadata) -> Result<Vec<u8>> {
     type Get = fn(&Pixel) -> f32;
     type GetId = fn(&Pixel) -> u32;
     const FLOATS: [(&str, Get); 22] = [
@@ -141,19 +159,32 @@ pub fn write(film: &Film, metadata: &Metadata) -> Result<Vec<u8>> {
         [("petal_id", Pixel::petal_id), ("organ_id", Pixel::organ_id), ("samples", Pixel::samples)];
 
     let pixels = film.pixels();
-    let floats = FLOATS
-        .iter()
-        .map(|(name, get)| AnyChannel::new(*name, FlatSamples::F32(pixels.iter().map(get).collect())));
+    let floats = FLOATS.iter().map(|(name, get)| {
+        let name = match (*name, denoised) {
+            ("R" | "G" | "B", Some(_)) => format!("noisy.{name}"),
+            (name, Some(_)) if name.starts_with("variance.") => format!("noisy_{name}"),
+            (name, _) => name.to_owned(),
+        };
+        AnyChannel::new(text(&name), FlatSamples::F32(pixels.iter().map(get).collect()))
+    });
+    let clean = denoised.into_iter().flat_map(|rgb| {
+        ["R", "G", "B"]
+            .into_iter()
+            .enumerate()
+            .map(|(c, name)| AnyChannel::new(name, FlatSamples::F32(rgb.iter().map(|rgb| rgb[c]).collect())))
+    });
     let ids = IDS
         .iter()
         .map(|(name, get)| AnyChannel::new(*name, FlatSamples::U32(pixels.iter().map(get).collect())));
+    let denoiser =
+        (!metadata.denoiser.is_empty()).then(|| ("denoiser", AttributeValue::Text(text(&metadata.denoiser))));
     let PixelRect { x0, y0, .. } = film.crop();
     let resolution = film.resolution();
     let display = IntegerBounds::from_dimensions((resolution.x as usize, resolution.y as usize));
     encode(
         ((x0 as i32, y0 as i32), (film.width() as usize, film.height() as usize)),
         display,
-        floats.chain(ids),
+        floats.chain(clean).chain(ids),
         [
             ("rosarium:version", AttributeValue::Text(text(&metadata.version))),
             ("commandLine", AttributeValue::Text(text(&metadata.command_line))),
@@ -161,7 +192,9 @@ pub fn write(film: &Film, metadata: &Metadata) -> Result<Vec<u8>> {
             ("spp", AttributeValue::I32(i32::try_from(metadata.spp).unwrap_or(i32::MAX))),
             ("sceneHash", AttributeValue::Text(text(&metadata.scene_hash))),
             ("renderTimeSeconds", AttributeValue::F32(metadata.render_time_s)),
-        ],
+        ]
+        .into_iter()
+        .chain(denoiser),
     )
 }
 
@@ -367,6 +400,7 @@ mod tests {
             spp: 3,
             scene_hash: "abc".into(),
             render_time_s: 1.5,
+            denoiser: String::new(),
         };
         (film(UVec2::new(40, 30), PixelRect { x0: 3, y0: 5, x1: 24, y1: 29 }), metadata)
     }
@@ -418,6 +452,22 @@ mod tests {
         let picture = read(&bytes, LIMIT).unwrap();
         assert_eq!((picture.width, picture.height, &picture.rgb), (21, 24, &film.beauty()));
         assert!(is_exr(&bytes) && !is_exr(b"v/1"));
+    }
+
+    #[test]
+    fn denoised_light_keeps_the_noisy() {
+        let (film, metadata) = example();
+        let clean: Vec<[f32; 3]> = (0..21 * 24).map(|i| [i as f32, 0.5, 2.0]).collect();
+        let metadata = Metadata { denoiser: "filter".into(), ..metadata };
+        let bytes = write_denoised(&film, &clean, &metadata).unwrap();
+        let back = read_channels(&bytes, LIMIT).unwrap();
+        assert_eq!(back.rgb("").unwrap(), clean);
+        assert_eq!(back.rgb("noisy").unwrap(), film.beauty());
+        let variance: Vec<[f32; 3]> = film.pixels().iter().map(Pixel::variance).collect();
+        assert_eq!(back.rgb("noisy_variance").unwrap(), variance);
+        assert!(!back.planes.contains_key("variance.R") && back.planes.len() == 28);
+        assert_eq!(back.attributes["denoiser"], "filter");
+        assert!(write_denoised(&film, &clean[1..], &metadata).is_err());
     }
 
     #[test]

@@ -95,6 +95,9 @@ pub struct RenderDescription {
     /// Does a coarse radiosity solution guide `path`? The picture has the same mean, and less noise for the time where light
     /// comes from several lights and by way of petals; the solution takes a second or two. Default false.
     pub guide: bool,
+    /// Is the noise filtered from the finished picture? By Open Image Denoise where the command line finds it, by a filter of our
+    /// own otherwise; the EXR keeps the noisy light beside it. Default false.
+    pub denoise: bool,
     /// The light among petals, for `radiosity` and `hybrid`.
     pub radiosity: RadiosityDescription,
 }
@@ -108,6 +111,7 @@ impl Default for RenderDescription {
             max_depth: 32,
             min_depth: 4,
             guide: false,
+            denoise: false,
             radiosity: RadiosityDescription::default(),
         }
     }
