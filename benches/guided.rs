@@ -48,8 +48,8 @@ fn error(pixels: &[Welford]) -> f64 {
 fn compare(scene: &Scene) {
     let started = Instant::now();
     let before = cpu_s(started);
-    let guide =
-        Guide::new(scene, &GuideSettings::default(), &NoProgress).expect("the default scene is solved");
+    let guide = Guide::new(scene, &GuideSettings::default(), &mut Vec::new(), &NoProgress)
+        .expect("the default scene is solved");
     let built = cpu_s(started) - before;
     let (max_depth, min_depth) = (scene.render.max_depth, scene.render.min_depth);
     let paths = [None, Some(Arc::new(guide))].map(|guide| Path { max_depth, min_depth, guide });

@@ -8,7 +8,9 @@ use rosarium::math::stats::Welford;
 use rosarium::scene::{MemoryAssets, Scene, SceneDescription, compile, load};
 use rosarium::spectrum::SampledWavelengths;
 use rosarium::transport::radiosity::{Radiosity, RadiositySettings, solve};
-use rosarium::transport::{Hybrid, Integrator, NoProgress, Path, PixelRay, RadiosityView, Raytrace};
+use rosarium::transport::{
+    Guide, GuideSettings, Hybrid, Integrator, NoProgress, Path, PixelRay, RadiosityView, Raytrace,
+};
 
 const PATH: Path = Path { max_depth: 10_000, min_depth: 4, guide: None };
 
@@ -74,6 +76,68 @@ fn closed_furnace() {
         let got = light(&furnace(albedo, ""), &PATH, Vec3::new(3.0, -4.0, 5.0), around, 20_000);
         assert_near(&got, 1.0 / (1.0 - albedo), 0.0);
     }
+}
+
+/// `path`, guided by a small solution.
+fn guided(scene: &Scene) -> Path {
+    let settings = GuideSettings { elements: 200, ..GuideSettings::default() };
+    let guide = Guide::new(scene, &settings, &mut Vec::new(), &NoProgress).unwrap_or_else(|e| panic!("{e}"));
+    Path { guide: Some(Arc::new(guide)), ..PATH }
+}
+
+/// Glowing walls that reflect `albedo`, with white sheets between that let light through, and nothing of it is lost.
+#[test]
+fn guided_furnace() {
+    for albedo in [0.3, 0.7] {
+        let sheets: String = (0..4)
+            .map(|k| {
+                format!(
+                    "[shapes.sheet{k}]\ntype = \"quad\"\nwidth_mm = 40\nheight_mm = 30\nmaterial = \"sheet\"\n\
+                     position_mm = [{}, 4, {}]\nrotation_deg = [{}, 25, 0]\n",
+                    5 * k - 9,
+                    9 * k - 16,
+                    17 * k
+                )
+            })
+            .collect();
+        let sheets = format!(
+            "[materials.sheet]\ntype = \"diffuse\"\nreflectance_adaxial = 0.6\ntransmittance = 0.4\n{sheets}"
+        );
+        let scene = furnace(albedo, &sheets);
+        let got = light(&scene, &guided(&scene), Vec3::new(3.0, -24.0, 25.0), around, 20_000);
+        assert_near(&got, 1.0 / (1.0 - albedo), 0.0);
+    }
+}
+
+/// Sheets in constant surroundings of two lights: what they reflect and let through is what stands behind them.
+#[test]
+fn guided_sheets_vanish_in_constant_light() {
+    let sheets: String = (0..5)
+        .map(|k| {
+            format!(
+                "[shapes.sheet{k}]\ntype = \"quad\"\nwidth_mm = 60\nheight_mm = 60\nmaterial = \"sheet\"\n\
+                 position_mm = [0, 0, {}]\nrotation_deg = [{}, {}, 0]\n",
+                8 * k,
+                7 * k,
+                25 - 11 * k
+            )
+        })
+        .collect();
+    let of = |radiance: f32| {
+        format!("type = \"constant\"\nradiance = {radiance}\nspectrum = {{ illuminant = \"E\" }}\n")
+    };
+    let scene = scene(&format!(
+        "[materials.sheet]\ntype = \"diffuse\"\nreflectance_adaxial = 0.55\ntransmittance = 0.45\n{sheets}\
+         [lights.a]\n{}[lights.b]\n{}",
+        of(0.3),
+        of(0.7)
+    ));
+    let down = |i: u32| {
+        let u = Sampler::new(5, UVec2::new(2, 0), i).next_2d();
+        (Vec3::new(40.0 * u.x - 20.0, 40.0 * u.y - 20.0, 16.0) - Vec3::new(0.0, 0.0, 200.0)).normalize()
+    };
+    let got = light(&scene, &guided(&scene), Vec3::new(0.0, 0.0, 200.0), down, 20_000);
+    assert_near(&got, 1.0, 0.0);
 }
 
 /// `hybrid` and `radiosity` from one small solution.

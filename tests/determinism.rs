@@ -43,7 +43,7 @@ fn in_pool(threads: usize, overrides: &[&str]) -> Film {
 
 #[test]
 fn any_number_of_threads_gives_the_same_picture() {
-    for integrator in ["render.integrator=\"path\"", "render.integrator=\"raytrace\""] {
+    for integrator in ["render.integrator=\"path\"", "render.integrator=\"raytrace\"", "render.guide=true"] {
         let one = in_pool(1, &[integrator]);
         assert!(one.pixels().iter().any(|p| p.direct()[0] > 0.0 && p.alpha() > 0.5 && p.petal_id() > 0));
         for threads in [2, 3] {

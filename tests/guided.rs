@@ -47,7 +47,7 @@ fn blocks(scene: &Scene, path: &Path, seed: u64) -> Vec<Welford> {
 fn guided_rose_is_the_rose() {
     let scene = rose();
     let (max_depth, min_depth) = (scene.render.max_depth, scene.render.min_depth);
-    let guide = Guide::new(&scene, &GuideSettings::default(), &NoProgress).expect("solved");
+    let guide = Guide::new(&scene, &GuideSettings::default(), &mut Vec::new(), &NoProgress).expect("solved");
     let plain = blocks(&scene, &Path { max_depth, min_depth, guide: None }, 1);
     let guided = blocks(&scene, &Path { max_depth, min_depth, guide: Some(Arc::new(guide)) }, 1000);
     let z = |(a, b): (&Welford, &Welford)| {

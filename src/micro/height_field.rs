@@ -26,6 +26,7 @@ use super::dome::{Dome, Profile};
 use super::lattice::{Channel, Lattice, disorder};
 use crate::Result;
 
+mod facing;
 mod inside;
 mod locate;
 

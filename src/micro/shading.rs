@@ -19,12 +19,13 @@
 //! absorbed. The normalised, reciprocal lobe replaces the textbook's (`crate::bsdf::phong`).
 //!
 //! **What is estimated.** Neither integral is solved. [`CellPetal::estimate`] draws points of the cells within
-//! the footprint of the viewing ray, uniformly over the petal's plane, follows the viewing ray to the dome that
+//! the footprint of the viewing ray ([`Footprint`]), uniformly over the petal's plane, follows the viewing ray to the dome that
 //! it meets there, and averages `f_e(n; wo, wi) <n.wi>+ V(wi) / cos_i` along the reflections. A point is met with
 //! density `<n.wo>+ V(wo) / (A cos_o)` per area of dome, so the average is an unbiased estimate of f for any
 //! number of points, and converges to what the goniophotometer tabulates (`estimate_converges_to_the_table`).
 //! Few points leave most hits without their highlight and a few with all of it, dull and broken; many points
-//! give every hit its share, shiny and smooth (`few_points_are_duller`).
+//! give every hit its share, shiny and smooth (`few_points_are_duller`). Who wants the mean and not the thesis' dull
+//! look may have some more points aimed at the highlight ([`Points`]).
 //!
 //! | symbol | field | unit | default |
 //! |---|---|---|---|
@@ -39,17 +40,20 @@
 //! product of the layers' transmittances crosses the sheet and leaves it diffusely; the domes neither shadow nor bend
 //! what crosses it. Source: [Terado1999](https://hdl.handle.net/10119/1220), abstract.
 
+mod points;
 mod split;
+
+pub use points::{Footprint, Points};
 
 use std::f32::consts::FRAC_1_PI;
 use std::sync::Arc;
 
-use glam::{DVec2, DVec3, Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 
 use super::height_field::{CellField, CellHit};
 use super::transmission::TransmissionLobe;
 use crate::bsdf::{Bsdf, Phong, Scatter};
-use crate::math::warp::{square_to_cosine_hemisphere, square_to_disc};
+use crate::math::warp::square_to_cosine_hemisphere;
 use crate::math::{Frame, Sampler};
 use crate::spectrum::{SampledSpectrum, SampledWavelengths, Spectrum};
 use crate::{Error, Result};
@@ -70,20 +74,6 @@ pub struct Layer {
     pub exponent: f32,
     /// Share that the layer lets through, t.
     pub transmittance: Spectrum,
-}
-
-/// Where on the petal's plane the points are drawn.
-#[derive(Clone, Copy, Debug)]
-pub struct Footprint {
-    /// Middle, um in the petal's plane.
-    pub center_um: DVec2,
-    /// Radius of the disc that the ray covers, um.
-    pub radius_um: f64,
-}
-
-impl Footprint {
-    /// So wide that single cells do not matter: points anywhere on the tile.
-    pub const WIDE: Self = Self { center_um: DVec2::ZERO, radius_um: f64::INFINITY };
 }
 
 /// A petal of cells: simulated, not evaluated, so a [`Scatter`] and no `Bsdf`.
@@ -209,20 +199,20 @@ impl CellPetal {
         self.lobes.iter().fold(self.transmittance.sample(lambda), |t, lobe| t + lobe.share().sample(lambda))
     }
 
-    /// Unbiased estimate of `f(wo, wi)`, 1/sr, from `points` random points of the cells within `footprint`.
+    /// Unbiased estimate of `f(wo, wi)`, 1/sr, from `points` of the cells within `footprint`.
     pub fn estimate(
         &self,
         wo: Vec3,
         wi: Vec3,
         lambda: &SampledWavelengths,
         footprint: Footprint,
-        points: u32,
+        points: impl Into<Points>,
         sampler: &mut Sampler,
     ) -> SampledSpectrum {
         match (wo.z > 0.0, wi.z > 0.0) {
             (false, false) => self.abaxial.sample(lambda) * FRAC_1_PI,
             (true, true) => {
-                self.estimate_all_domes(wo, wi, lambda, footprint, points, sampler)
+                self.estimate_all_domes(wo, wi, lambda, footprint, points.into(), sampler)
                     + self.spongy.eval(wo, wi, lambda)
             }
             _ => self
@@ -230,72 +220,6 @@ impl CellPetal {
                 .iter()
                 .fold(self.transmittance.sample(lambda) * FRAC_1_PI, |f, lobe| f + lobe.eval(wo, wi, lambda)),
         }
-    }
-
-    /// f_E from all points.
-    fn estimate_all_domes(
-        &self,
-        wo: Vec3,
-        wi: Vec3,
-        lambda: &SampledWavelengths,
-        footprint: Footprint,
-        points: u32,
-        sampler: &mut Sampler,
-    ) -> SampledSpectrum {
-        let mut sum = SampledSpectrum::ZERO;
-        for i in 0..points {
-            sum += self.estimate_domes(wo, wi, lambda, footprint, &mut sampler.fork(i, points));
-        }
-        sampler.end_fork();
-        sum * (1.0 / points.max(1) as f32)
-    }
-
-    /// f_E from one point.
-    fn estimate_domes(
-        &self,
-        wo: Vec3,
-        wi: Vec3,
-        lambda: &SampledWavelengths,
-        footprint: Footprint,
-        sampler: &mut Sampler,
-    ) -> SampledSpectrum {
-        let light = wi.as_dvec3().normalize();
-        let mut direction = -wo.as_dvec3().normalize();
-        let mut hit = self.first_hit(direction, footprint, sampler);
-        let mut throughput = SampledSpectrum::ONE;
-        let mut sum = SampledSpectrum::ZERO;
-        for order in 0..MAX_ORDERS {
-            let Some(at) = hit else { break };
-            let cos_light = at.normal.dot(light);
-            let frame = Frame::from_normal(at.normal.as_vec3());
-            let local_wo = frame.to_local(-direction.as_vec3());
-            if cos_light > 0.0 && local_wo.z > 0.0 && !self.cells.occluded_from(&at, light) {
-                let f = self.epidermis.eval(local_wo, frame.to_local(wi), lambda);
-                sum += throughput * f * (cos_light as f32 / wi.z);
-            }
-            match self.reflect(&at, direction, order, lambda, &mut throughput, sampler) {
-                Some(next) => direction = next,
-                None => break,
-            }
-            hit = self.cells.first_hit_from(&at, direction);
-        }
-        sum
-    }
-
-    /// The dome that a ray meets which crosses the petal's plane at a random point of the footprint.
-    fn first_hit(&self, direction: DVec3, footprint: Footprint, sampler: &mut Sampler) -> Option<CellHit> {
-        let u = sampler.next_2d();
-        let tile = self.cells.tile_um();
-        let at = if footprint.radius_um > 8.0 * tile.max_element() {
-            u.as_dvec2() * tile
-        } else {
-            footprint.center_um + square_to_disc(u).as_dvec2() * footprint.radius_um
-        };
-        // The mesh stands for the plane half way up the domes: a footprint slides with the view around there.
-        let half = 0.5 * self.cells.max_height_um();
-        let rise = (half + 1.0) / -direction.z;
-        let origin = (at - direction.truncate() * rise).extend(2.0 * half + 1.0);
-        self.cells.first_hit(origin, direction)
     }
 
     /// One reflection by f_e: the next direction, or `None` where the light is absorbed.

@@ -14,13 +14,14 @@
 use super::shade::Shading;
 use crate::geometry::{Interaction, Ray};
 use crate::math::Sampler;
+use crate::micro::shading::Points;
 use crate::scene::{Drawing, LightSample, MAX_EACH, Scene};
 use crate::spectrum::{SampledSpectrum, SampledWavelengths};
 
-/// Dimensions of one light at the first surface: its point, and the points of the cells that it lights.
-const DIMENSIONS_PER_LIGHT: u32 = 2;
-/// Dimensions of one bounce: light's number, point and cells; direction's lobe, angles and walk; roulette.
-const DIMENSIONS_PER_BOUNCE: u32 = 7;
+/// Dimensions of one light at the first surface: its point, and the random and the aimed points of the cells that it lights.
+const DIMENSIONS_PER_LIGHT: u32 = 3;
+/// Dimensions of one bounce: light's number, point and two of cells; direction's lobe, angles and walk; roulette.
+const DIMENSIONS_PER_BOUNCE: u32 = 8;
 /// First dimension after those of the camera ([`super::render()`]).
 const FIRST_DIMENSION: u32 = 4;
 /// Largest probability of going on: paths in a white room must end too.
@@ -34,6 +35,15 @@ pub(super) fn dimension_of(depth: u32) -> u32 {
 /// First dimension of light `i` at the first surface.
 pub(super) fn dimension_of_light(i: usize) -> u32 {
     FIRST_DIMENSION + DIMENSIONS_PER_LIGHT * i as u32
+}
+
+/// Points of a petal's cells that shade a surface: what the scene asks for and one aimed where the camera looks, one random
+/// one elsewhere.
+pub(super) fn points_of(scene: &Scene, depth: u32) -> Points {
+    match depth {
+        0 => Points { random: scene.petal.samples, aimed: 1 },
+        _ => 1.into(),
+    }
 }
 
 /// `a^2 / (a^2 + b^2)`, written for densities that may be large.
@@ -156,7 +166,7 @@ pub(super) fn first_lights(
     (sum, Drawing::Each)
 }
 
-/// Direct light by one drawn light; takes three dimensions from `dimension` on.
+/// Direct light by one drawn light; takes four dimensions from `dimension` on.
 pub(super) fn one_light(
     scene: &Scene,
     at: &Interaction,
@@ -175,7 +185,7 @@ pub(super) fn one_light(
     }
 }
 
-/// Direct light by one light drawn with the probabilities `p`; takes three dimensions from `dimension` on.
+/// Direct light by one light drawn with the probabilities `p`; takes four dimensions from `dimension` on.
 pub(super) fn chosen_light(
     scene: &Scene,
     at: &Interaction,

@@ -5,7 +5,7 @@
 //!
 //! ```text
 //! rms_i = sqrt(mean of Y(R_n E_n,i)^2 + mean of Y(T_n' E_n',i)^2)
-//! light i is drawn at a bounce with p_i = (1 - floor) rms_i / sum of rms + floor P_i,   floor = 0.3
+//! light i is drawn at a bounce with p_i = (1 - floor) rms_i / sum of rms + floor P_i,   floor = 0.1
 //! ```
 //!
 //! P_i is the choice without a guide. None of this enters the picture's light: it tells how often something is drawn, and
@@ -14,7 +14,7 @@
 //!
 //! | symbol | field | unit | default |
 //! |---|---|---|---|
-//! | | [`GuideSettings`] | | 4000 elements of 32 rays, 8 samples of every light |
+//! | | [`GuideSettings`] | | 4000 elements of 8 rays, 32 samples of every light |
 //!
 //! Limits: at most 8 lights are chosen from; scenes with more of them are not guided in that. What was tried and did not pay
 //! is in docs/performance.md. Source: our reading; importance of lights per place as in Shirley, Wang and Zimmerman 1996.
@@ -35,7 +35,7 @@ use crate::spectrum::{LANES, Observer, SampledSpectrum, SampledWavelengths};
 const FIRST_NM: f32 = 410.0;
 const STEP_NM: f32 = 40.0;
 /// Share of the choice of a light that stays as it is without a guide.
-const FLOOR: f32 = 0.3;
+const FLOOR: f32 = 0.1;
 /// Marks the numbers of these samples among others of the seed.
 const SEQUENCE: u32 = 0x6f1d_e000;
 /// Shadow rays end this share of their length before the light.
@@ -46,9 +46,9 @@ const SHADOW_END: f32 = 1.0 - 1e-4;
 pub struct GuideSettings {
     /// About how many elements at most. Default 4000.
     pub elements: u32,
-    /// Rays from each side of an element. Default 32.
+    /// Rays from each side of an element. Default 8.
     pub rays: u32,
-    /// Samples of every light for each side of an element. Default 8.
+    /// Samples of every light for each side of an element. Default 32.
     pub light_samples: u32,
     /// Seed of all samples. Default 0.
     pub seed: u64,
@@ -56,7 +56,7 @@ pub struct GuideSettings {
 
 impl Default for GuideSettings {
     fn default() -> Self {
-        Self { elements: 4000, rays: 32, light_samples: 8, seed: 0 }
+        Self { elements: 4000, rays: 8, light_samples: 32, seed: 0 }
     }
 }
 
@@ -78,19 +78,26 @@ pub struct Guide {
 }
 
 impl Guide {
-    /// Solves for the light of a scene, coarsely. Stopped by `progress`, it gives [`crate::Error::Cancelled`].
-    pub fn new(scene: &Scene, settings: &GuideSettings, progress: &dyn Progress) -> Result<Self> {
+    /// Solves for the light of a scene, coarsely. `warnings` gets what is wrong with the scene. Stopped by `progress`, it
+    /// gives [`crate::Error::Cancelled`].
+    pub fn new(
+        scene: &Scene,
+        settings: &GuideSettings,
+        warnings: &mut Vec<String>,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
         let nm: [f32; LANES] = std::array::from_fn(|k| FIRST_NM + STEP_NM * k as f32);
         let solver = RadiositySettings {
             elements: settings.elements,
             rays: settings.rays,
-            light_samples: settings.light_samples,
+            // The solution is asked only for the shares that elements send on.
+            light_samples: settings.light_samples.min(8),
             light_rays: 64,
-            residual: 1e-2,
+            residual: 1e-1,
             seed: settings.seed,
             ..RadiositySettings::default()
         };
-        let radiosity = radiosity::solve(scene, &nm, &solver, &mut Vec::new(), progress)?;
+        let radiosity = radiosity::solve(scene, &nm, &solver, warnings, progress)?;
         let nodes = 2 * radiosity.elements().len();
         let of = |n: usize, quantity: Quantity| {
             let v = radiosity.element((n / 2) as u32, side(n), quantity);
@@ -114,22 +121,19 @@ impl Guide {
         let lights = (lights <= MAX_EACH).then_some(lights);
         let lambda = SampledWavelengths::given(nm);
         let lighting = Lighting { scene, radiosity: &radiosity, lambda: &lambda, settings };
-        let known = (0..nodes)
+        let squares: Vec<[[f32; 2]; MAX_EACH]> = (0..nodes)
             .into_par_iter()
             .with_min_len(64)
             .map(|n| {
-                let ([r, _], [_, t]) = (table[n], table[n ^ 1]);
-                let mut known = Known::default();
-                for i in 0..lights.unwrap_or(0) {
-                    for (node, share) in [(n, r), (n ^ 1, t)] {
-                        let square = lighting.on(node, i, &|light| luminance(light * share));
-                        known.rms[i] += square;
-                    }
-                    known.rms[i] = known.rms[i].sqrt();
+                let mut squares = [[0.0; 2]; MAX_EACH];
+                for (i, square) in squares.iter_mut().enumerate().take(lights.unwrap_or(0)) {
+                    *square = lighting.on(n, i, &|light| table[n].map(|share| luminance(light * share)));
                 }
-                known
+                squares
             })
             .collect();
+        let rms = |n: usize, i: usize| (squares[n][i][0] + squares[n ^ 1][i][1]).sqrt();
+        let known = (0..nodes).map(|n| Known { rms: std::array::from_fn(|i| rms(n, i)) }).collect();
         Ok(Self { radiosity, known, lights })
     }
 
@@ -163,11 +167,11 @@ struct Lighting<'a> {
 }
 
 impl Lighting<'_> {
-    /// Mean square over points of a node, and of light `i`, of `value` of the irradiance.
-    fn on(&self, node: usize, i: usize, value: &dyn Fn(SampledSpectrum) -> f32) -> f32 {
+    /// Mean squares over points of a node, and of light `i`, of values of the irradiance.
+    fn on(&self, node: usize, i: usize, values: &dyn Fn(SampledSpectrum) -> [f32; 2]) -> [f32; 2] {
         let Self { scene, radiosity, lambda, settings } = *self;
         let up = if side(node) == Side::Adaxial { 1.0 } else { -1.0 };
-        let mut square = 0.0;
+        let mut squares = [0.0; 2];
         for s in 0..settings.light_samples {
             let mut sampler =
                 Sampler::new(settings.seed, UVec2::new(node as u32, SEQUENCE.wrapping_add(i as u32)), s);
@@ -182,11 +186,11 @@ impl Lighting<'_> {
                 ..Ray::new(offset_origin(at.p, normal, l.wi), l.wi)
             };
             if cos > 0.0 && !scene.bvh.occluded(&ray) {
-                let v = value(l.radiance * (cos / l.pdf_per_sr));
-                square += v * v;
+                let v = values(l.radiance * (cos / l.pdf_per_sr));
+                squares.iter_mut().zip(v).for_each(|(s, v)| *s += v * v);
             }
         }
-        square / settings.light_samples.max(1) as f32
+        squares.map(|s| s / settings.light_samples.max(1) as f32)
     }
 }
 

@@ -48,7 +48,7 @@
 use std::f32::consts::FRAC_1_PI;
 use std::sync::Arc;
 
-use super::direct::{Came, Onward, dimension_of, first_lights, meet, one_light, survival};
+use super::direct::{Came, Onward, dimension_of, first_lights, meet, one_light, points_of, survival};
 use super::radiosity::Radiosity;
 use super::shade::Shading;
 use super::{Incident, Integrator, PixelRay};
@@ -159,7 +159,7 @@ impl<T: IndirectLight> Integrator for Hybrid<T> {
                 break;
             }
 
-            let points = if depth == 0 { scene.petal.samples } else { 1 };
+            let points = points_of(scene, depth);
             let shading =
                 Shading::new(scene, at, -ray.direction, lambda, (depth == 0).then_some(pixel), points);
             let dimension = dimension_of(depth);
@@ -182,7 +182,7 @@ impl<T: IndirectLight> Integrator for Hybrid<T> {
                 drawing = Drawing::One;
             }
 
-            sampler.start_dimension(dimension + 3);
+            sampler.start_dimension(dimension + 4);
             let next = match onward {
                 Onward::Whole => shading.sample(lambda, sampler),
                 Onward::Rest => shading.sample_rest(lambda, sampler),
@@ -198,7 +198,7 @@ impl<T: IndirectLight> Integrator for Hybrid<T> {
             };
             // The first surface always gathers: its light is most of the picture.
             if depth > 0 {
-                sampler.start_dimension(dimension + 6);
+                sampler.start_dimension(dimension + 7);
                 let survive = survival(&of_lights);
                 if sampler.next_1d() >= survive {
                     break;

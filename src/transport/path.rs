@@ -15,7 +15,9 @@
 
 use std::sync::Arc;
 
-use super::direct::{Came, Onward, chosen_light, dimension_of, first_lights, meet, one_light, survival};
+use super::direct::{
+    Came, Onward, chosen_light, dimension_of, first_lights, meet, one_light, points_of, survival,
+};
 use super::guide::Guide;
 use super::shade::Shading;
 use super::{Incident, Integrator, PixelRay};
@@ -61,7 +63,7 @@ impl Integrator for Path {
             }
 
             let wo = -ray.direction;
-            let points = if depth == 0 { scene.petal.samples } else { 1 };
+            let points = points_of(scene, depth);
             let shading = Shading::new(scene, at, wo, lambda, (depth == 0).then_some(pixel), points);
             let dimension = dimension_of(depth);
             if depth == 0 {
@@ -78,11 +80,11 @@ impl Integrator for Path {
                 drawing = Drawing::One;
             }
 
-            sampler.start_dimension(dimension + 3);
+            sampler.start_dimension(dimension + 4);
             let Some(next) = shading.sample(lambda, sampler) else { break };
             throughput *= next.weight;
             if depth + 1 >= self.min_depth {
-                sampler.start_dimension(dimension + 6);
+                sampler.start_dimension(dimension + 7);
                 let survive = survival(&throughput);
                 if sampler.next_1d() >= survive {
                     break;

@@ -38,7 +38,7 @@ impl RadiositySettings {
 /// may stop it ([`crate::Error::Cancelled`]), `warnings` gets what is wrong with the scene.
 pub fn prepare(scene: &Scene, warnings: &mut Vec<String>, progress: &dyn Progress) -> Result<Prepared> {
     let render = &scene.render;
-    let mut solve = || {
+    let solve = |warnings: &mut Vec<String>| {
         let settings = RadiositySettings::of(render);
         let nm = render.radiosity.wavelengths_nm();
         let solution = radiosity::solve(scene, &nm, &settings, warnings, progress)?;
@@ -56,19 +56,19 @@ pub fn prepare(scene: &Scene, warnings: &mut Vec<String>, progress: &dyn Progres
     match render.integrator {
         IntegratorName::Path => {
             let guide = match render.guide {
-                true => Some(Arc::new(Guide::new(scene, &GuideSettings::default(), progress)?)),
+                true => Some(Arc::new(Guide::new(scene, &GuideSettings::default(), warnings, progress)?)),
                 false => None,
             };
             traced(Box::new(Path { max_depth, min_depth: render.min_depth, guide }))
         }
         IntegratorName::Raytrace => traced(Box::new(Raytrace)),
         IntegratorName::Radiosity => {
-            let solution = solve()?;
+            let solution = solve(warnings)?;
             let integrator = Box::new(RadiosityView { solution: solution.clone() });
             Ok(Prepared { integrator, solution: Some(solution) })
         }
         IntegratorName::Hybrid => {
-            let solution = solve()?;
+            let solution = solve(warnings)?;
             let near = render.radiosity.near as f32;
             let integrator = Box::new(Hybrid::new(scene, solution.clone(), max_depth, near));
             Ok(Prepared { integrator, solution: Some(solution) })

@@ -32,7 +32,8 @@ impl Integrator for Raytrace {
         result.direct = light;
         let Some(at) = at else { return result };
         result.first = Some(at);
-        let shading = Shading::new(scene, at, -ray.direction, lambda, Some(pixel), scene.petal.samples);
+        let shading =
+            Shading::new(scene, at, -ray.direction, lambda, Some(pixel), scene.petal.samples.into());
         for i in 0..scene.lights.emitters().len() {
             sampler.start_dimension(dimension_of_light(i));
             let u = sampler.next_2d();

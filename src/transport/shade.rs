@@ -18,7 +18,7 @@ use crate::geometry::{Interaction, Side};
 use crate::gonio::AtPigment;
 use crate::math::Sampler;
 use crate::math::frame::same_side;
-use crate::micro::shading::{CellPetal, Footprint};
+use crate::micro::shading::{CellPetal, Footprint, Points};
 use crate::scene::{Petal, Scattering, Scene};
 use crate::spectrum::{SampledSpectrum, SampledWavelengths};
 
@@ -29,7 +29,7 @@ pub(super) struct Shading<'a> {
     wo: Vec3,
     wo_local: Vec3,
     footprint: Footprint,
-    points: u32,
+    points: Points,
 }
 
 /// What scatters the light at the point.
@@ -57,7 +57,7 @@ impl<'a> Shading<'a> {
         wo: Vec3,
         lambda: &SampledWavelengths,
         pixel: Option<&PixelRay>,
-        points: u32,
+        points: Points,
     ) -> Self {
         let material = &scene.materials[scene.shapes[at.shape as usize].material as usize];
         let model = match material.scattering() {

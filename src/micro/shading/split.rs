@@ -20,7 +20,7 @@
 
 use glam::Vec3;
 
-use super::{CellPetal, Footprint};
+use super::{CellPetal, Footprint, Points};
 use crate::bsdf::lobe_albedo::lobe_albedo;
 use crate::geometry::Side;
 use crate::math::Frame;
@@ -68,13 +68,13 @@ impl CellPetal {
         wi: Vec3,
         lambda: &SampledWavelengths,
         footprint: Footprint,
-        points: u32,
+        points: impl Into<Points>,
         sampler: &mut Sampler,
     ) -> SampledSpectrum {
         match (wo.z > 0.0, wi.z > 0.0) {
             (false, false) => SampledSpectrum::ZERO,
             (true, true) => {
-                self.estimate_all_domes(wo, wi, lambda, footprint, points, sampler)
+                self.estimate_all_domes(wo, wi, lambda, footprint, points.into(), sampler)
                     + self.spongy.eval_lobe(wo, wi, lambda)
             }
             _ => self.lobes.iter().fold(SampledSpectrum::ZERO, |f, lobe| f + lobe.eval(wo, wi, lambda)),

@@ -10,7 +10,7 @@ const PATHS: u32 = 1 << 13;
 const PETALS: [&str; 2] = ["[petal]\nsamples = 2\n", "[petal]\noptics = \"sheet.optics\"\n"];
 
 fn guide(scene: &Scene) -> Guide {
-    Guide::new(scene, &SETTINGS, &NoProgress).unwrap_or_else(|e| panic!("{e}"))
+    Guide::new(scene, &SETTINGS, &mut Vec::new(), &NoProgress).unwrap_or_else(|e| panic!("{e}"))
 }
 
 fn path(guide: Option<Guide>) -> Path {
@@ -55,4 +55,16 @@ fn a_guide_that_knows_nothing_is_harmless() {
         let found = light(&scene, &wrong, PATHS, thing);
         same(&found, &light(&scene, &path(None), PATHS, thing), thing.0);
     }
+}
+
+#[test]
+fn warnings_of_the_solution_are_passed_on() {
+    let mut scene = still_life(PETALS[0]);
+    let mesh = &mut scene.shapes[0].mesh;
+    let [a, b, c] = mesh.triangles[0];
+    mesh.triangles.extend([[a, b, c], [a, a, b]]);
+    scene.bvh = crate::geometry::Bvh::build(scene.shapes.iter().map(|s| &s.mesh));
+    let mut warnings = Vec::new();
+    Guide::new(&scene, &SETTINGS, &mut warnings, &NoProgress).unwrap();
+    assert_eq!(warnings.len(), 2, "{warnings:?}");
 }

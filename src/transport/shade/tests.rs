@@ -39,7 +39,7 @@ fn each_kind(test: impl Fn(&str, &Shading, &SampledWavelengths)) {
         for eye in [Vec3::new(30.0, 8.0, 40.0), Vec3::new(-20.0, 10.0, -30.0)] {
             let ray = Ray::new(eye, (Vec3::new(2.0, 3.0, 0.0) - eye).normalize());
             let at = scene.intersect(&ray).unwrap();
-            let shading = Shading::new(&scene, at, -ray.direction, &lambda, None, 1);
+            let shading = Shading::new(&scene, at, -ray.direction, &lambda, None, 1.into());
             test(&format!("{kind} from z = {}", eye.z), &shading, &lambda);
         }
     }
