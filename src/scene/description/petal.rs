@@ -11,7 +11,8 @@ use crate::micro::{CellDescription, TissueDescription};
 #[serde(deny_unknown_fields, default)]
 pub struct PetalDescription {
     /// Random points of the cells within the footprint that shade one hit: few look dull and broken, many
-    /// shiny and smooth. At least 1. Default 4.
+    /// shiny and smooth. At least 1. Default 4. `path` and `hybrid` add a point where the highlight is, so that few points look
+    /// dull in `raytrace` only.
     pub samples: u32,
     /// Age of the petal, 0 (bud) to 1 (open flower) to 1.3 (full-blown): younger cells are smaller and flatter than `cells`
     /// says, older ones a little higher. Default: as `cells` says, which is age 1.
