@@ -55,6 +55,7 @@ pub(super) struct Exchange {
     factors: Vec<f32>,
     escape: Vec<f32>,
     imbalance: f64,
+    rays: usize,
 }
 
 /// Bytes that the rays and factors of so many nodes take at most.
@@ -143,7 +144,7 @@ impl Exchange {
             .enumerate()
             .map(|(i, row)| (row.iter().filter(|h| **h == MISS).count() as f64 / density(i)) as f32)
             .collect();
-        let mut out = Self { rows, columns, factors, escape, imbalance: 0.0 };
+        let mut out = Self { rows, columns, factors, escape, imbalance: 0.0, rays };
         out.balance(&area);
         out
     }
@@ -188,6 +189,11 @@ impl Exchange {
     /// Share of the light from a node that meets nothing.
     pub(super) fn escape(&self, i: usize) -> f32 {
         self.escape[i]
+    }
+
+    /// About how many lines tell the light of a node: its own rays, and as many that come to it.
+    pub(super) fn lines(&self) -> f32 {
+        2.0 * self.rays as f32
     }
 
     /// Number of entries.

@@ -245,6 +245,7 @@ pub fn solve(
         samples: settings.light_samples,
         seed: settings.seed,
         without_glow: glow::is_large(scene),
+        even_sky: direct::even_sky(scene),
     };
     let (elements, beside, mut direct) = refine(scene, facets, &lighting, settings.elements, &steps)?;
 
@@ -278,7 +279,7 @@ pub fn solve(
         sum.iter_mut().zip(glow).for_each(|(s, g)| *s += g);
     }
 
-    let indirect = smooth::even_out(&elements, &beside, solution.indirect, chunks.len());
+    let indirect = smooth::even_out(&elements, &beside, solution.indirect, chunks.len(), &solution.variance);
     let reflected: Vec<SampledSpectrum> =
         (0..direct.len()).map(|i| direct[i].reflected + indirect[i] * shares[i].0).collect();
     let transmitted: Vec<SampledSpectrum> =

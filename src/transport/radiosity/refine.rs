@@ -1,12 +1,20 @@
 //! Where elements are halved: half of them by area, the others where direct light changes.
 //!
 //! Model: an element whose direct light differs from a neighbour's by more than `CHANGE` of the mean of the two and the scene's mean
-//! is halved, those that differ most first, in `ROUNDS` rounds. Guarded by `elements_follow_a_shadow`. Source: our reading.
+//! is halved, those that differ most first, in `ROUNDS` rounds. `LOOK` samples tell that; then every side of every element is sampled
+//! anew, by
+//!
+//! ```text
+//! N = samples c v / (E + floor)^2        v: variance of one sample, E: light, of an element and its neighbours together
+//! ```
+//!
+//! with the c that makes the mean of N `samples`, within `LEAST` to `MOST` times that: in half shadow and in the dark many samples, in full light
+//! few. Guarded by `elements_follow_a_shadow`, `samples_go_where_light_is_noisy`. Source: our reading.
 
-use super::direct::{DirectLight, Lighting};
+use super::direct::{DirectLight, Kind, Lighting};
 use super::elements::Elements;
 use super::facets::Facets;
-use super::{Steps, neighbours};
+use super::{Steps, neighbours, smooth};
 use crate::scene::Scene;
 use crate::{Error, Result};
 
@@ -15,6 +23,13 @@ const ROUNDS: u32 = 4;
 /// Elements are halved where direct light differs from a neighbour's by more than this share of the two and of the mean.
 const CHANGE: f32 = 0.1;
 
+/// Samples that tell where light changes and how much it varies.
+const LOOK: u32 = 16;
+/// Light below this share of the mean need not be known relative to itself.
+const FLOOR: f64 = 0.003;
+/// Least and most times the samples for the sake of relative error.
+const LEAST: f64 = 0.5;
+const MOST: f64 = 8.0;
 /// Most times the samples of an element that gets much light.
 const MAX_TIMES: u32 = 32;
 /// Elements, their neighbours and direct light: half of the elements by area, the others where direct light changes.
@@ -27,16 +42,11 @@ pub(super) fn refine(
 ) -> Result<(Elements, Vec<Vec<u32>>, Vec<DirectLight>)> {
     let chunks = lighting.chunks.len();
     let mut elements = Elements::new(scene, facets, wanted.div_ceil(2));
-    let once = |which: &[u32]| which.iter().map(|e| (*e, 1)).collect::<Vec<_>>();
+    let look = LOOK.min(lighting.samples);
+    let looked = |which: &[u32]| which.iter().map(|e| (*e, [look; 2])).collect::<Vec<_>>();
     let all: Vec<u32> = (0..elements.len() as u32).collect();
     let heard = |n: u64| steps.add(n);
-    let mut light = lighting.on(&elements, &once(&all), &heard);
-    let put = |light: &mut Vec<DirectLight>, which: &[(u32, u32)], found: &[DirectLight]| {
-        for ((e, _), values) in which.iter().zip(found.chunks(2 * chunks)) {
-            let first = *e as usize * 2 * chunks;
-            light[first..first + 2 * chunks].copy_from_slice(values);
-        }
-    };
+    let (mut light, mut variance) = lighting.on(&elements, &looked(&all), Kind::Look, &|_| ());
     let mut beside = neighbours::neighbours(&elements);
     let mut looked_at = all;
     for _ in 0..ROUNDS {
@@ -52,35 +62,77 @@ pub(super) fn refine(
         let changing: Vec<u32> = changing.into_iter().map(|c| c.1).collect();
         let new = elements.halve(scene, &changing);
         elements.describe(scene, &new);
-        let found = lighting.on(&elements, &once(&new), &heard);
+        let (found, spread) = lighting.on(&elements, &looked(&new), Kind::Look, &|_| ());
         light.resize(elements.len() * 2 * chunks, DirectLight::default());
-        put(&mut light, &once(&new), &found);
+        variance.resize(elements.len() * 2, 0.0);
+        for (k, e) in new.iter().enumerate() {
+            let (e, from) = (*e as usize, 2 * chunks);
+            light[e * from..(e + 1) * from].copy_from_slice(&found[k * from..(k + 1) * from]);
+            variance[2 * e..2 * e + 2].copy_from_slice(&spread[2 * k..2 * k + 2]);
+        }
         beside = neighbours::neighbours(&elements);
         looked_at = new;
     }
-    let strong = strong(&elements, &light, chunks);
-    let found = lighting.on(&elements, &strong, &|_| ());
-    put(&mut light, &strong, &found);
+    let counts = counts(&elements, &beside, &light, &variance, chunks, lighting.samples);
+    let (light, spread) = lighting.on(&elements, &counts, Kind::Final, &heard);
+    let samples = counts.iter().flat_map(|c| c.1);
+    let variance: Vec<f32> = spread.iter().zip(samples).map(|(v, n)| v / n as f32).collect();
     if steps.progress.cancelled() {
         return Err(Error::Cancelled);
     }
+    let light = smooth::even_out(&elements, &beside, light, chunks, &variance);
     Ok((elements, beside, light))
 }
 
-/// Elements that get more of the direct light than the mean one, with how many times as much (at most `MAX_TIMES`): as
-/// many times the samples go there, so that the sum of all light is known better than that of one element.
-fn strong(elements: &Elements, light: &[DirectLight], chunks: usize) -> Vec<(u32, u32)> {
-    let power: Vec<f64> = light
-        .chunks(2 * chunks)
-        .zip(elements.list())
-        .map(|(l, e)| l.iter().map(|d| f64::from(d.incident.mean())).sum::<f64>() * f64::from(e.area_mm2))
+/// Samples of each side of each element, so that the relative error of the light of each is alike: in proportion to the
+/// variance over the square of the light, both as neighbours together have them, `samples` in the mean; and more where
+/// much of the power is, so that the sum of all light is known better than that of one element.
+fn counts(
+    elements: &Elements,
+    beside: &[Vec<u32>],
+    light: &[DirectLight],
+    variance: &[f32],
+    chunks: usize,
+    samples: u32,
+) -> Vec<(u32, [u32; 2])> {
+    let brightness: Vec<f64> = light
+        .chunks(chunks)
+        .map(|l| l.iter().map(|d| f64::from(d.incident.mean())).sum::<f64>() / chunks as f64)
         .collect();
-    let mean = power.iter().sum::<f64>() / power.len().max(1) as f64;
-    (0u32..)
-        .zip(&power)
-        .map(|(e, p)| (e, (p / mean.max(1e-300)).min(f64::from(MAX_TIMES)) as u32))
-        .filter(|(_, times)| *times > 1)
-        .collect()
+    let areas: Vec<f64> = elements.list().iter().map(|e| f64::from(e.area_mm2)).collect();
+    let nodes = brightness.len();
+    let power: Vec<f64> = (0..nodes).map(|n| brightness[n] * areas[n / 2]).collect();
+    let mean_power = power.iter().sum::<f64>() / nodes.max(1) as f64;
+    let mean = power.iter().sum::<f64>() / (2.0 * areas.iter().sum::<f64>()).max(1e-300);
+    let floor = (FLOOR * mean).max(1e-300);
+    let wanted: Vec<f64> = (0..nodes)
+        .map(|n| {
+            let around = |of: &dyn Fn(usize) -> f64| {
+                let beside = &beside[n / 2];
+                let sum: f64 = beside.iter().map(|b| of(2 * *b as usize + n % 2)).sum();
+                (of(n) + sum) / (1 + beside.len()) as f64
+            };
+            around(&|n| f64::from(variance[n])) / (around(&|n| brightness[n]) + floor).powi(2)
+        })
+        .collect();
+    let scale = {
+        let capped = |scale: f64| {
+            wanted.iter().map(|w| (w * scale).clamp(LEAST, MOST)).sum::<f64>() / nodes.max(1) as f64
+        };
+        // As many in the mean as asked for.
+        let (mut low, mut high) = (0.0, 1e6);
+        for _ in 0..60 {
+            let middle = 0.5 * (low + high);
+            if capped(middle) < 1.0 { low = middle } else { high = middle }
+        }
+        low
+    };
+    let times = |n: usize| {
+        let by_power = (power[n] / mean_power.max(1e-300)).min(f64::from(MAX_TIMES));
+        let times = (wanted[n] * scale).clamp(LEAST, MOST).max(by_power);
+        ((times * f64::from(samples)).ceil() as u32).max(1)
+    };
+    (0..elements.len()).map(|e| (e as u32, [times(2 * e), times(2 * e + 1)])).collect()
 }
 
 /// Elements where direct light changes to a neighbour, the most first: change and element.
@@ -118,4 +170,54 @@ fn changing(
         .collect();
     out.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::direct::even_sky;
+    use super::super::testing::scene;
+    use super::*;
+    use crate::scene::MaterialTotals;
+    use crate::spectrum::SampledWavelengths;
+
+    #[test]
+    fn samples_go_where_light_is_noisy() {
+        // A small roof over a floor under a sky: full light far off, half shadow below the roof.
+        let s = scene(
+            "[shapes.floor]\ntype = \"quad\"\nwidth_mm = 100\nheight_mm = 100\nmaterial = \"grey\"\n\
+             [shapes.roof]\ntype = \"quad\"\nwidth_mm = 20\nheight_mm = 20\nposition_mm = [0, 0, 10]\nmaterial = \"grey\"\n",
+        );
+        let wavelengths = [SampledWavelengths::given([550.0; 8])];
+        let totals = MaterialTotals::of_scene(&s, &wavelengths).unwrap();
+        let lighting = Lighting {
+            scene: &s,
+            totals: &totals,
+            chunks: &wavelengths,
+            samples: 32,
+            seed: 0,
+            without_glow: false,
+            even_sky: even_sky(&s),
+        };
+        let elements = Elements::new(&s, Facets::new(&s, 400), 400);
+        let beside = neighbours::neighbours(&elements);
+        let which: Vec<(u32, [u32; 2])> = (0..elements.len() as u32).map(|e| (e, [LOOK; 2])).collect();
+        let (light, variance) = lighting.on(&elements, &which, Kind::Look, &|_| ());
+        let counts = counts(&elements, &beside, &light, &variance, 1, 32);
+        let (mut below, mut far, mut all) = ((0, 0), (0, 0), 0);
+        for (e, [above, under]) in &counts {
+            let e = &elements.list()[*e as usize];
+            all += above + under;
+            let (c, floor) = (e.centre.truncate().abs().max_element(), e.centre.z < 5.0);
+            let sum = match floor {
+                true if c < 8.0 => &mut below,
+                true if c > 40.0 => &mut far,
+                _ => continue,
+            };
+            *sum = (sum.0 + above, sum.1 + 1);
+        }
+        let mean = |(sum, n): (u32, u32)| f64::from(sum) / f64::from(n);
+        assert!(mean(below) > 3.0 * mean(far), "{} {}", mean(below), mean(far));
+        let mean = f64::from(all) / (2 * counts.len()) as f64;
+        assert!((30.0..80.0).contains(&mean), "{mean}");
+    }
 }

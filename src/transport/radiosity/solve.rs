@@ -35,6 +35,8 @@ pub(super) type Shares = (SampledSpectrum, SampledSpectrum);
 pub(super) struct Solution {
     /// Irradiance from other surfaces.
     pub(super) indirect: Vec<SampledSpectrum>,
+    /// About the variance of its brightness that the rays leave, for each node.
+    pub(super) variance: Vec<f32>,
     /// Power that has left the scene after being scattered, per wavelength.
     pub(super) escaped: Vec<[f64; LANES]>,
     /// Power that is still under way, per wavelength.
@@ -118,7 +120,25 @@ pub(super) fn solve(
         orders += 1;
     }
     let escaped = total(chunks, areas_mm2, |i| radiosity[i] * exchange.escape(i / chunks));
-    Solution { indirect, escaped, under_way, residual, orders }
+    let variance = variance(exchange, &radiosity, chunks);
+    Solution { indirect, variance, escaped, under_way, residual, orders }
+}
+
+/// Variance of the brightness of each node's irradiance: that of the light along its lines, over their number.
+fn variance(exchange: &Exchange, radiosity: &[SampledSpectrum], chunks: usize) -> Vec<f32> {
+    let bright: Vec<f32> =
+        radiosity.chunks(chunks).map(|b| b.iter().map(|b| b.mean()).sum::<f32>() / chunks as f32).collect();
+    (0..bright.len())
+        .into_par_iter()
+        .with_min_len(BATCH)
+        .map(|i| {
+            let (sum, squares) = exchange.row(i).fold((0.0f32, 0.0f32), |(sum, squares), (j, f)| {
+                let b = bright[j as usize];
+                (sum + f * b, squares + f * b * b)
+            });
+            (squares - sum * sum).max(0.0) / exchange.lines()
+        })
+        .collect()
 }
 
 /// How many orders the goal will take, if the light goes on to fade as it did.
