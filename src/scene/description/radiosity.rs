@@ -14,7 +14,7 @@ pub struct RadiosityDescription {
     pub elements: u32,
     /// Rays from each side of an element to the others, 1 to 5e7. Default 32.
     pub rays: u32,
-    /// Samples of every light for each side of an element, 1 to 5e7. Default 32.
+    /// Samples of every light for each side of an element in the mean, 1 to 5e7. Default 64.
     pub light_samples: u32,
     /// Wavelengths at which the light is solved for, evenly over 380 to 780 nm, 2 to 401. Default 32.
     pub wavelengths: u32,
@@ -35,7 +35,7 @@ impl Default for RadiosityDescription {
         Self {
             elements: 50_000,
             rays: 32,
-            light_samples: 32,
+            light_samples: 64,
             wavelengths: 32,
             residual: 1e-5,
             max_orders: 1000,
