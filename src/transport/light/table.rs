@@ -7,8 +7,8 @@
 //! ```
 //!
 //! for each side, integrated over each band, so that the absorbed power of the groups adds up to the ledger's
-//! (`groups_add_up_to_the_ledger`). Triangles: the mean of the solution over the triangle, linear within elements; where the
-//! slope is cut off at a shadow's edge, their sum differs from that of the elements a little. Source: our reading.
+//! (`groups_add_up_to_the_ledger`). Triangles: the mean of the solution over the triangle,
+//! linear within elements, whose sum is that of the elements. Source: our reading.
 
 use std::collections::HashMap;
 use std::sync::Arc;

@@ -9,7 +9,7 @@
 //! ```
 //!
 //! with the c that makes the mean of N `samples`, within `LEAST` to `MOST` times that: in half shadow and in the dark many samples, in full light
-//! few. Guarded by `elements_follow_a_shadow`, `samples_go_where_light_is_noisy`. Source: our reading.
+//! few. Guarded by `elements_follow_a_shadow`. Source: our reading.
 
 use super::direct::{DirectLight, Kind, Lighting};
 use super::elements::Elements;
@@ -32,6 +32,7 @@ const LEAST: f64 = 0.5;
 const MOST: f64 = 8.0;
 /// Most times the samples of an element that gets much light.
 const MAX_TIMES: u32 = 32;
+
 /// Elements, their neighbours and direct light: half of the elements by area, the others where direct light changes.
 pub(super) fn refine(
     scene: &Scene,
@@ -170,54 +171,4 @@ fn changing(
         .collect();
     out.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
     out
-}
-
-#[cfg(test)]
-mod tests {
-    use super::super::direct::even_sky;
-    use super::super::testing::scene;
-    use super::*;
-    use crate::scene::MaterialTotals;
-    use crate::spectrum::SampledWavelengths;
-
-    #[test]
-    fn samples_go_where_light_is_noisy() {
-        // A small roof over a floor under a sky: full light far off, half shadow below the roof.
-        let s = scene(
-            "[shapes.floor]\ntype = \"quad\"\nwidth_mm = 100\nheight_mm = 100\nmaterial = \"grey\"\n\
-             [shapes.roof]\ntype = \"quad\"\nwidth_mm = 20\nheight_mm = 20\nposition_mm = [0, 0, 10]\nmaterial = \"grey\"\n",
-        );
-        let wavelengths = [SampledWavelengths::given([550.0; 8])];
-        let totals = MaterialTotals::of_scene(&s, &wavelengths).unwrap();
-        let lighting = Lighting {
-            scene: &s,
-            totals: &totals,
-            chunks: &wavelengths,
-            samples: 32,
-            seed: 0,
-            without_glow: false,
-            even_sky: even_sky(&s),
-        };
-        let elements = Elements::new(&s, Facets::new(&s, 400), 400);
-        let beside = neighbours::neighbours(&elements);
-        let which: Vec<(u32, [u32; 2])> = (0..elements.len() as u32).map(|e| (e, [LOOK; 2])).collect();
-        let (light, variance) = lighting.on(&elements, &which, Kind::Look, &|_| ());
-        let counts = counts(&elements, &beside, &light, &variance, 1, 32);
-        let (mut below, mut far, mut all) = ((0, 0), (0, 0), 0);
-        for (e, [above, under]) in &counts {
-            let e = &elements.list()[*e as usize];
-            all += above + under;
-            let (c, floor) = (e.centre.truncate().abs().max_element(), e.centre.z < 5.0);
-            let sum = match floor {
-                true if c < 8.0 => &mut below,
-                true if c > 40.0 => &mut far,
-                _ => continue,
-            };
-            *sum = (sum.0 + above, sum.1 + 1);
-        }
-        let mean = |(sum, n): (u32, u32)| f64::from(sum) / f64::from(n);
-        assert!(mean(below) > 3.0 * mean(far), "{} {}", mean(below), mean(far));
-        let mean = f64::from(all) / (2 * counts.len()) as f64;
-        assert!((30.0..80.0).contains(&mean), "{mean}");
-    }
 }
