@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{SCENE, fails, folder, write};
+use common::{SCENE, command, fails, folder, write};
 
 /// The scene with one piece of text replaced, and the line where the replacement stands.
 fn changed(from: &str, to: &str) -> (String, usize) {
@@ -84,6 +84,26 @@ fn wrong_petals_name_file_line_and_key() {
         write(&dir, "bad.toml", text);
         fails(&dir, &["measure", "bad.toml", "--rays", "100"], &["bad.toml:2", key]);
     }
+}
+
+#[test]
+fn denoisers_that_are_none() {
+    let dir = folder();
+    let render = ["render", "scene.toml", "-o", "a.png"];
+    write(&dir, "wrong.so", "no library");
+    fails(&dir, &[&render[..], &["--denoise", "--oidn", "none.so"]].concat(), &["--oidn none.so"]);
+    fails(
+        &dir,
+        &[&render[..], &["--denoise", "--oidn", "wrong.so"]].concat(),
+        &["--oidn wrong.so", "is not Open Image"],
+    );
+    fails(&dir, &[&render[..], &["--denoise", "--oidn", "."]].concat(), &["--oidn .", "does not hold"]);
+    fails(&dir, &[&render[..], &["--oidn", "wrong.so"]].concat(), &["--oidn", "goes with --denoise"]);
+    let output =
+        command(&dir, &[&render[..], &["--denoise"]].concat()).env("OIDN_LIBRARY_PATH", "none").output();
+    let output = output.expect("it runs");
+    assert_eq!(output.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("OIDN_LIBRARY_PATH none"));
 }
 
 #[test]

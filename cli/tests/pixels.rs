@@ -80,6 +80,27 @@ fn threads_and_crops_give_the_same_bytes() {
 }
 
 #[cfg(unix)]
+/// Whichever denoiser this machine has: the EXR keeps the noisy light.
+#[test]
+fn denoised_pictures_keep_the_noisy_light() {
+    let dir = folder();
+    succeeds(&dir, &["render", "scene.toml", "-o", "noisy.exr"]);
+    succeeds(
+        &dir,
+        &["render", "scene.toml", "-D", "render.denoise=true", "-o", "clean.exr", "-o", "clean.png"],
+    );
+    let (_, noisy) = pixels(&dir.path().join("noisy.exr"));
+    let (_, clean) = pixels(&dir.path().join("clean.exr"));
+    assert_eq!(clean["noisy.R"], noisy["R"]);
+    assert_eq!(clean["noisy_variance.G"], noisy["variance.G"]);
+    assert_ne!(clean["R"], noisy["R"]);
+    assert!(clean["R"].iter().all(|bits| f32::from_bits(*bits).is_finite()));
+    // The flag has the last word.
+    succeeds(&dir, &["render", "scene.toml", "-D", "render.denoise=true", "--no-denoise", "-o", "again.exr"]);
+    let (_, again) = pixels(&dir.path().join("again.exr"));
+    assert!(again == noisy);
+}
+
 #[test]
 fn ctrl_c_writes_what_is_there() {
     let dir = folder();
