@@ -21,6 +21,7 @@ const SUN_RADIUS_DEG: f64 = 0.2665;
 pub(super) fn compile(d: &SkyLight, key: &Key, assets: &dyn Assets) -> Result<Vec<Emitter>> {
     let turbidity = key.at("turbidity").within(d.turbidity, 2.0..=10.0, "within 2 to 10")?;
     let scale = key.at("scale").not_negative(d.scale)?;
+    let sky_scale = key.at("sky_scale").not_negative(d.sky_scale)?;
     let ground = reflectance(&d.ground, &key.at("ground"), assets)?;
     let (azimuth_deg, elevation_deg) = sun_angles(d, key)?;
     let (sin, cos) = elevation_deg.to_radians().sin_cos();
@@ -29,7 +30,7 @@ pub(super) fn compile(d: &SkyLight, key: &Key, assets: &dyn Assets) -> Result<Ve
         true => sun_irradiance(elevation_deg, turbidity).scaled(scale as f32),
         false => Spectrum::Constant(0.0),
     };
-    let sky = key.under(Sky::new(towards, turbidity, &irradiance, &ground, scale))?;
+    let sky = key.under(Sky::new(towards, turbidity, &irradiance, &ground, scale * sky_scale))?;
     let mut emitters = vec![Emitter::Sky(Box::new(sky))];
     if d.sun {
         let radius = SUN_RADIUS_DEG.to_radians();

@@ -218,6 +218,7 @@ fn skies() {
         ("elevation_deg = -1", "elevation_deg", "0 to 90"),
         ("azimuth_deg = inf", "azimuth_deg", "finite"),
         ("scale = -1", "scale", "zero or more"),
+        ("sky_scale = inf", "sky_scale", "zero or more"),
         ("ground = 1.5", "ground", ""),
         ("latitude_deg = 50", "latitude_deg", "needs `date_time`"),
         ("date_time = \"2026-06-21T12:00Z\"", "date_time", "`latitude_deg`"),
