@@ -220,7 +220,7 @@ impl LeafDescription {
         let end = stalk.at(stalk.length_mm);
         let base_mm = end.at + end.along * CONTACT_MM;
         leaf.leaflets.push(blade(0, 1.0, LeafletPlace { base_mm, along: end.along, up: end.up }));
-        let start_mm = 1.5 * stem.radius_mm(depth_mm) + 1.5 * size;
+        let start_mm = stalk.clear_mm(radius(0.0)) + 0.2;
         let room_mm = size * self.petiole_mm - start_mm - 3.0;
         for side in [-1.0, 1.0].into_iter().filter(|_| room_mm > 1.0) {
             let stipule = Stipule {
@@ -340,10 +340,14 @@ impl Stalk {
         StalkPoint { at, along, up, side: up.cross(along) }
     }
 
+    /// Where a stalk of that radius stands clear of the stem on all sides.
+    fn clear_mm(&self, radius_mm: f64) -> f64 {
+        radius_mm / self.insertion.tan().max(0.2) + 0.4
+    }
+
     fn mesh(&self, radius: impl Fn(f64) -> f64, seat: &Seat, detail: f64) -> (Mesh, [f32; 2]) {
         let n = ((20.0 * detail.sqrt()).round() as usize).max(8);
-        // The second section stands clear of the stem on all sides.
-        let clear = radius(0.0) / self.insertion.tan().max(0.2) + 0.4;
+        let clear = self.clear_mm(radius(0.0));
         let rings: Vec<Ring> = (0..=n)
             .map(|k| {
                 let part = (k.saturating_sub(1) as f64 / (n - 1) as f64).powf(1.3);

@@ -1,14 +1,16 @@
 //! One leaflet: an ovate blade with a saw edge, folded along the midrib and raised between its veins.
 //!
-//! Model, with x across and y along the flat blade, h its half width, v = y / length:
-//! 1. outline: h(v) = width/2 (v / p)^(p q) ((1 - v) / (1 - p))^((1 - p) q), widest at p, q = 1.7;
-//! 2. teeth: the margin moves outwards and towards the tip by depth saw(n y / length), a tooth that rises over four
-//!    fifths of its pitch and falls over the last;
+//! Model, with x across and y along the flat blade, h its half width, t the part of the length where a row of the blade
+//! meets the margin:
+//! 1. outline: h(t) = width/2 (t / p)^(p q) ((1 - t) / (1 - p))^((1 - p) q), widest at p, q = 1.7; rows run as side veins
+//!    do, from the midrib at t - 0.75 t (1 - t) forward to the margin;
+//! 2. teeth: the margin moves outwards and towards the tip by depth saw(n t), a tooth that rises over four fifths of its
+//!    pitch and falls over the last;
 //! 3. the midline bends down by `arch` along the leaflet; across it the halves rise by `fold`, level off towards
 //!    the margin and wave;
-//! 4. veins: side veins leave the midrib towards the tip, alternating, at distances length / (veins + 1) and an angle
-//!    of 50 deg, and bend forward; between them the blade is raised by `relief` (1 - exp(-(distance / 0.14 pitch)^2)),
-//!    between the ties of the net by a quarter of it; along the midrib runs a groove of 1.4 `relief`.
+//! 4. veins: side veins end in notches, every second or third one, on the two sides in turn; between them the blade is raised
+//!    by `relief` (1 - exp(-(distance / 0.2 pitch)^2)), between the ties of the net by a third of it; along the midrib runs a
+//!    groove of 1.4 `relief`.
 //!
 //! | symbol | field | unit | default |
 //! |---|---|---|---|
@@ -82,13 +84,23 @@ pub struct LeafletSurface {
 }
 
 /// Part of the length along which the margin has teeth.
-const TOOTHED: (f64, f64) = (0.10, 0.975);
+const TOOTHED: (f64, f64) = (0.07, 0.975);
 /// Part of a tooth along which it rises.
 const RISE: f64 = 0.8;
 /// Half width where the blade begins and at its tip, mm.
 const ENDS_MM: (f64, f64) = (0.35, 0.04);
-/// Cotangent of the angle of the side veins, and how they bend forward.
-const VEIN: (f64, f64) = (0.84, 0.32);
+/// How far a row's end at the margin lies ahead of its start at the midrib: this times t (1 - t) of the length.
+const SWEEP: f64 = 0.75;
+
+/// A point of the flat blade.
+struct Flat {
+    /// Across and along, mm.
+    at: DVec2,
+    /// Part of the half width, -1 to 1.
+    across: f64,
+    /// Where its row, or side vein, meets the margin, as a part of the length.
+    row: f64,
+}
 
 impl LeafletSurface {
     /// A leaflet for a mesh of that fineness.
@@ -116,24 +128,15 @@ impl LeafletSurface {
 
     /// Rows on the tips and notches of teeth, more of them in fine meshes; no teeth in very coarse ones.
     fn rows(&self) -> Vec<f64> {
-        let detail = self.detail;
-        let teeth = self.form.teeth as f64;
-        let ends = |n: f64| ((n * detail).ceil() as usize).max(2);
-        let mut rows: Vec<f64> =
-            (0..ends(4.0)).map(|j| TOOTHED.0 * (j as f64 / ends(4.0) as f64).powf(1.6)).collect();
-        if self.form.teeth == 0 || self.coarse() {
-            let n = ends(14.0);
-            rows.extend((0..n).map(|j| TOOTHED.0 + (TOOTHED.1 - TOOTHED.0) * j as f64 / n as f64));
-        } else {
-            let rising = (detail.round() as usize).max(1);
-            for tooth in 0..self.form.teeth {
-                let at = |part: f64| TOOTHED.0 + (TOOTHED.1 - TOOTHED.0) * (f64::from(tooth) + part) / teeth;
-                rows.extend((0..rising).map(|k| at(RISE * k as f64 / rising as f64)));
-                rows.push(at(RISE));
-            }
-        }
-        let n = ends(2.0);
-        rows.extend((0..=n).map(|j| TOOTHED.1 + (1.0 - TOOTHED.1) * j as f64 / n as f64));
+        let ends = |n: f64| ((n * self.detail).ceil() as usize).max(2);
+        let spread =
+            |from: f64, to: f64, n: usize| (0..n).map(move |j| from + (to - from) * j as f64 / n as f64);
+        let mut rows: Vec<f64> = spread(0.0, 1.0, ends(5.0)).map(|part| TOOTHED.0 * part.powf(1.6)).collect();
+        let teeth = if self.coarse() { 0 } else { self.form.teeth as usize };
+        let per_tooth = 2 * (self.detail.round() as usize).max(1);
+        rows.extend(spread(TOOTHED.0, TOOTHED.1, if teeth == 0 { ends(14.0) } else { teeth * per_tooth }));
+        rows.extend(spread(TOOTHED.1, 1.0, ends(3.0)));
+        rows.push(1.0);
         rows
     }
 
@@ -152,84 +155,87 @@ impl LeafletSurface {
         ENDS_MM.1 + (0.5 * f.width_mm * blade).hypot(foot)
     }
 
-    /// The flat blade, (across, along) in mm.
-    fn flat(&self, u: f64, v: f64) -> DVec2 {
+    /// Map 1 and 2: the flat blade.
+    fn flat(&self, u: f64, v: f64) -> Flat {
         let f = &self.form;
         let across = 2.0 * u - 1.0;
-        let half = self.half_width_mm(v);
-        let mut p = DVec2::new(across * half, v * f.length_mm);
-        if f.teeth > 0 && !self.coarse() {
-            let phase = f64::from(f.teeth) * (v - TOOTHED.0) / (TOOTHED.1 - TOOTHED.0);
-            if phase > 0.0 && v < TOOTHED.1 {
-                let (tooth, part) = (phase.floor() as u32, phase.fract());
-                // The rows of the mesh lie exactly on tips and notches.
-                let part = if part > 1.0 - 1e-9 { 0.0 } else { part };
-                let saw = if part <= RISE { part / RISE } else { (1.0 - part) / (1.0 - RISE) };
-                let side = if across < 0.0 { 0 } else { 1 };
-                let natural = 1.0 + 0.3 * f.irregularity * vary(f.seed, tooth, 20 + side);
-                let size = f.tooth_mm * natural * (half / (0.3 * f.width_mm)).min(1.0) * across.abs().powi(6);
-                // A tip reaches forward, but not over the next notch.
-                let pitch = f.length_mm * (TOOTHED.1 - TOOTHED.0) / f64::from(f.teeth);
-                let forward = (0.75 * size).min(0.8 * (1.0 - RISE) * pitch);
-                p += DVec2::new(across.signum() * size, forward) * saw;
-            }
-            // The two margins do not mirror each other tooth by tooth.
-            let pitch = f.length_mm * (TOOTHED.1 - TOOTHED.0) / f64::from(f.teeth);
-            p.y += 0.22 * pitch * across * (PI * v).sin();
+        let out = across.abs();
+        let mut row = v;
+        let (mut saw, mut tooth) = (0.0, 0);
+        let pitch = (TOOTHED.1 - TOOTHED.0) / f64::from(f.teeth.max(1));
+        if f.teeth > 0 && !self.coarse() && v > TOOTHED.0 && v < TOOTHED.1 {
+            let phase = (v - TOOTHED.0) / pitch;
+            // The rows of the mesh lie exactly on tips and notches.
+            let nearest = (2.0 * phase).round() / 2.0;
+            let phase = if (phase - nearest).abs() < 1e-9 { nearest } else { phase };
+            tooth = phase as u32;
+            // Rows are even at the midrib; at the margin the tip comes after most of the tooth.
+            let part = phase.fract();
+            let warped =
+                if part < 0.5 { 2.0 * RISE * part } else { RISE + (2.0 * part - 1.0) * (1.0 - RISE) };
+            saw = if part < 0.5 { 2.0 * part } else { 2.0 - 2.0 * part };
+            row += pitch * (warped - part) * out.powi(4);
         }
-        p
+        let half = self.half_width_mm(row);
+        let start = row - SWEEP * row * (1.0 - row);
+        let along = start + (row - start) * (0.72 * out + 0.28 * out * out);
+        let mut at = DVec2::new(across * half, along * f.length_mm);
+        if saw > 0.0 {
+            let side = if across < 0.0 { 0 } else { 1 };
+            let natural = 1.0 + 0.3 * f.irregularity * vary(f.seed, tooth, 20 + side);
+            let size = f.tooth_mm * natural * (half / (0.3 * f.width_mm)).min(1.0) * out.powi(6);
+            // A tip reaches forward, but not over the next notch.
+            let forward = (0.75 * size).min(0.8 * (1.0 - RISE) * pitch * f.length_mm);
+            at += DVec2::new(across.signum() * size, forward) * saw;
+        }
+        Flat { at, across, row }
     }
 
     /// Height of the blade above its midline, along the normal, mm.
-    fn height_mm(&self, p: DVec2) -> f64 {
+    fn height_mm(&self, p: &Flat) -> f64 {
         let f = &self.form;
-        let v = (p.y / f.length_mm).clamp(0.0, 1.0);
-        let half = self.half_width_mm(v);
-        let out = (p.x.abs() / half).min(1.2);
+        let (x, out) = (p.at.x, p.across.abs());
+        let half = self.half_width_mm(p.row);
         let soft = 0.06 * f.width_mm;
-        let fold = f.fold_deg.to_radians().tan() * (p.x.hypot(soft) - soft);
-        let level = -0.016 * f.fold_deg.to_radians().tan() * p.x * p.x;
-        let side = if p.x < 0.0 { 0 } else { 1 };
-        let wave = f.wave_mm
-            * f.irregularity.min(1.5)
-            * out
-            * out
-            * (half / (0.5 * f.width_mm))
-            * ((1.6 + 0.5 * vary(f.seed, side, 30)) * TAU * v + PI * vary(f.seed, side, 31)).sin();
-        fold + level + wave + self.relief_mm(p, out)
+        let slope = f.fold_deg.to_radians().tan();
+        let fold = slope * (x.hypot(soft) - soft) - 0.016 * slope * x * x;
+        let side = if x < 0.0 { 0 } else { 1 };
+        let phase = (1.6 + 0.5 * vary(f.seed, side, 30)) * TAU * p.row + PI * vary(f.seed, side, 31);
+        let wave =
+            f.wave_mm * f.irregularity.min(1.5) * out * out * (half / (0.5 * f.width_mm)) * phase.sin();
+        fold + wave + self.relief_mm(p)
     }
 
-    /// Height that the veins make, mm; `out` is the part of the half width.
-    fn relief_mm(&self, p: DVec2, out: f64) -> f64 {
+    /// Map 4: height that the veins make, mm.
+    fn relief_mm(&self, p: &Flat) -> f64 {
         let f = &self.form;
-        let x = p.x.abs();
-        let v = (p.y / f.length_mm).clamp(0.0, 1.0);
-        let groove = -1.4 * f.relief_mm * (-(x / 0.7).powi(2)).exp() * (1.0 - v);
+        let out = p.across.abs();
+        let groove = -1.4 * f.relief_mm * (-(p.at.x / 0.7).powi(2)).exp() * (1.0 - p.row);
         if f.veins == 0 {
             return groove;
         }
-        let pitch = f.length_mm / f64::from(f.veins + 1);
-        let side = if p.x < 0.0 { 0.0 } else { 0.5 };
-        // Follow the vein back to the midrib.
-        let bend = VEIN.1 * x * x / (0.5 * f.width_mm);
-        let start = (p.y - VEIN.0 * x - bend) / pitch + side;
-        let number = start.round();
-        let natural = 0.12 * f.irregularity * vary(f.seed, number as i64 as u32, 40 + 2 * side as u32);
-        let distance = (start - number - natural).abs() * pitch * 0.77;
-        let between = 1.0 - (-(distance / (0.14 * pitch)).powi(2)).exp();
-        let fade = 1.0 - smooth_step(0.75, 1.0, out);
-        let mut height = f.relief_mm * between * smooth_step(0.0, 0.12, out) * (0.25 + 0.75 * fade);
-        // Ties from vein to vein and the meshes between them.
-        let net_mm = 0.28 * pitch;
-        let fine = 1.0 - smooth_step(0.2, 0.45, self.pitch_mm / net_mm);
+        // A vein ends in every second or third notch, on the two sides in turn.
+        let teeth = f64::from(f.teeth.max(1));
+        let step = (teeth / f64::from(f.veins)).round().max(1.0);
+        let side = if p.across < 0.0 { 0.0 } else { (0.5 * step).floor() / step };
+        let vein = teeth * (p.row - TOOTHED.0) / (TOOTHED.1 - TOOTHED.0) / step + side;
+        let off = (vein - vein.round()).abs();
+        let pitch_mm = 0.75 * step * f.length_mm * (TOOTHED.1 - TOOTHED.0) / teeth;
+        let between = 1.0 - (-(off / 0.2).powi(2)).exp();
+        let fade = 1.0 - smooth_step(0.8, 1.0, out);
+        let rise = smooth_step(0.0, 0.15, out) * (0.3 + 0.7 * fade);
+        let mut height = f.relief_mm * between * rise;
+        // Ties between two veins, and the meshes between ties.
+        let net_mm = 0.3 * pitch_mm;
+        let fine = 1.0 - smooth_step(0.25, 0.5, self.pitch_mm / net_mm);
         if fine > 0.0 {
-            let along = (x.hypot(VEIN.0 * x) + 0.35 * (distance * 9.0 / pitch).sin()) / net_mm;
-            let row = number + (distance / net_mm).floor();
-            let tie = (along + 0.5 * vary(f.seed, row as i64 as u32, 50)).fract();
-            let off = tie.min(1.0 - tie);
-            let other = (distance / net_mm).fract();
-            let off = off.min(other.min(1.0 - other));
-            height -= 0.28 * f.relief_mm * fine * fade * between * (-(off / 0.16).powi(2)).exp();
+            let along = 1.25 * p.at.x.abs() / net_mm;
+            let across = 2.0 * vein + 0.18 * (2.3 * along).sin() * (7.1 * vein).cos();
+            let along = along + vary(f.seed, across.floor() as i64 as u32, 50);
+            let tie = (along.fract() - 0.5).abs();
+            let line = (across.fract() - 0.5).abs();
+            let edge = 0.5 - tie.max(line);
+            height -= 0.35 * f.relief_mm * fine * rise * (-(edge / 0.14).powi(2)).exp();
         }
         height + groove
     }
@@ -237,7 +243,8 @@ impl LeafletSurface {
 
 impl Sheet for LeafletSurface {
     fn at(&self, u: f64, v: f64) -> DVec3 {
-        let p = self.flat(u, v);
+        let flat = self.flat(u, v);
+        let p = flat.at;
         let LeafletPlace { base_mm, along, up } = self.place;
         let side = up.cross(along);
         // The midline is an arc that starts a little raised.
@@ -250,14 +257,14 @@ impl Sheet for LeafletSurface {
             ((angle.sin() - start.sin()) / turn, (start.cos() - angle.cos()) / turn)
         };
         let normal = up * angle.cos() - along * angle.sin();
-        let height = self.height_mm(p);
+        let height = self.height_mm(&flat);
         // What rises has less room to the side.
         let flat = 1.0 / (1.0 + self.form.fold_deg.to_radians().tan().powi(2)).sqrt();
         base_mm + along * forward + up * rise + side * (p.x * flat) + normal * height
     }
 
     fn uv(&self, u: f64, v: f64) -> DVec2 {
-        let p = self.flat(u, v);
+        let p = self.flat(u, v).at;
         let [w, l] = self.uv_scale_mm().map(f64::from);
         DVec2::new(p.x / w + 0.5, (p.y / l + 0.02).clamp(0.0, 1.0))
     }

@@ -1,7 +1,7 @@
 //! The heart of an open rose: whorls of stamens around a tuft of styles.
 //!
 //! Model: stamen k of n stands on the disc inside the petals at the radius rim (0.5 + 0.5 k/n)^0.5 in a golden spiral;
-//! its filament leaves the axis at an angle from `inner_deg` to `outer_deg` and bends back towards it by half of that; the
+//! its filament leaves the axis at an angle from `inner_deg` to `outer_deg` and bends back towards it by two fifths of that; the
 //! outer ones are longer. Each ends in an anther of two lobes. Styles stand upright on the middle of the disc, each with a
 //! stigma. Where the petals leave less room, `inner_radius_mm(z)`, all lean together as far as needed; what then
 //! finds no place does not grow.
@@ -10,7 +10,7 @@
 //! |---|---|---|---|
 //! | n | `count` | - | 80 |
 //! | filament of the outer whorl, radius | `filament_mm`, `filament_radius_mm` | mm | 9, 0.09 |
-//! | angles | `inner_deg`, `outer_deg` | deg | 12, 54 |
+//! | angles | `inner_deg`, `outer_deg` | deg | 12, 64 |
 //! | anther | `anther_mm` | mm | 1.5 |
 //! | styles | `styles`, `style_mm` | -, mm | 18, 4.5 |
 //!
@@ -42,7 +42,7 @@ pub struct StamenDescription {
     pub filament_radius_mm: f64,
     /// Angle of the innermost stamens from the axis, deg (default 12).
     pub inner_deg: f64,
-    /// Angle of the outermost stamens from the axis, deg (default 54).
+    /// Angle of the outermost stamens from the axis, deg (default 64).
     pub outer_deg: f64,
     /// Length of an anther, mm (default 1.5).
     pub anther_mm: f64,
@@ -59,7 +59,7 @@ impl Default for StamenDescription {
             filament_mm: 9.0,
             filament_radius_mm: 0.09,
             inner_deg: 12.0,
-            outer_deg: 54.0,
+            outer_deg: 64.0,
             anther_mm: 1.5,
             styles: 18,
             style_mm: 4.5,
@@ -231,7 +231,7 @@ impl StamenDescription {
         let length = self.filament_mm * (0.62 + 0.38 * part) * (1.0 + 0.2 * v(2));
         let angle =
             spread * (self.inner_deg + (self.outer_deg - self.inner_deg) * part + 6.0 * v(3)).to_radians();
-        let back = 0.5 * angle * (1.0 + 0.4 * v(4));
+        let back = 0.4 * angle * (1.0 + 0.4 * v(4));
         let (out, side) = (DVec2::from_angle(azimuth), 0.12 * v(6));
         let foot = (room.disc_mm)(radius) + 0.02;
         let (mut r, mut z) = (radius, foot);
