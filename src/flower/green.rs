@@ -15,7 +15,9 @@ const DISC: f64 = 0.62;
 /// Grows all organs but the petals into a flower that has its petals.
 pub(crate) fn grow(flower: &mut Flower, d: &RoseDescription, openness: f64) {
     let growth = Growth { seed: d.seed, irregularity: d.irregularity, detail: d.detail };
-    let room = Room::new(flower.of_kind(OrganKind::Petal).map(|o| &o.mesh).collect::<Vec<_>>());
+    let petals: Vec<&Mesh> = flower.of_kind(OrganKind::Petal).map(|o| &o.mesh).collect();
+    let room = Room::new(petals.iter().copied());
+    let claws = Room::near(petals.iter().copied(), 2.0 * d.stem.receptacle_radius_mm);
     let mut add = |kind, index, mesh: Mesh, uv_scale_mm| {
         if !mesh.triangles.is_empty() {
             flower.organs.push(Organ { kind, index, mesh, uv_scale_mm });
@@ -23,7 +25,7 @@ pub(crate) fn grow(flower: &mut Flower, d: &RoseDescription, openness: f64) {
     };
     heart(d, &room, &growth, &mut add);
     // Rims that hang below the flower are no obstacle: sepals bend back under them.
-    let outer = |z: f64| if z > 0.0 { room.outer_mm(z) } else { 0.0 };
+    let outer = |z: f64| if z > 0.0 { room.outer_mm(z) } else { claws.outer_mm(z) };
     for index in 0..d.sepals.count {
         let (mesh, scale) = d.sepals.grow(index, openness, &d.stem, &outer, &growth);
         add(OrganKind::Sepal, index, mesh, scale);

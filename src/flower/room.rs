@@ -22,6 +22,11 @@ pub struct Room {
 impl Room {
     /// The room around and inside these meshes.
     pub fn new<'a>(petals: impl IntoIterator<Item = &'a Mesh> + Clone) -> Self {
+        Self::near(petals, f64::INFINITY)
+    }
+
+    /// The room around and inside the parts of these meshes that are nearer to the axis than this.
+    pub fn near<'a>(petals: impl IntoIterator<Item = &'a Mesh> + Clone, radius_mm: f64) -> Self {
         let (low, high) = petals
             .clone()
             .into_iter()
@@ -39,6 +44,9 @@ impl Room {
                 let corners = mesh.corners(face);
                 let [a, b, c] = corners.map(|p| p.z);
                 let (near, far) = distances(&corners);
+                if near > radius_mm {
+                    continue;
+                }
                 let span =
                     slice(a.min(b).min(c)).saturating_sub(1)..=(slice(a.max(b).max(c)) + 1).min(count - 1);
                 for s in &mut slices[span] {

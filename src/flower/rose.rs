@@ -33,7 +33,7 @@ pub struct RoseDescription {
     pub openness: f64,
     /// Size of the seeded differences between petals: 0 = none, 1 = natural (default 1).
     pub irregularity: f64,
-    /// Fineness of the meshes: 1 = about 80 000 triangles; triangles grow with its square (default 1).
+    /// Fineness of the meshes: 1 = about 100 000 triangles; triangles grow with its square (default 1).
     pub detail: f64,
     /// Shape of the petals.
     pub petal: PetalDescription,
@@ -124,7 +124,7 @@ impl RoseDescription {
         d.bloom.base_outer_deg = 64.0;
         d.bloom.reflex_inner_deg = 0.0;
         d.bloom.reflex_outer_deg = 10.0;
-        d.stem.receptacle_radius_mm = 4.0;
+        d.stem.receptacle_radius_mm = 3.4;
         d.stem.receptacle_height_mm = 9.0;
         d.stem.radius_mm = 1.5;
         d.sepals.length_mm = 22.0;
@@ -245,7 +245,7 @@ mod tests {
             }
         }
         let triangles = grow(&preset("hybrid_tea")).expect("grows").triangle_count();
-        assert!((20_000..=100_000).contains(&triangles), "{triangles}");
+        assert!((20_000..=140_000).contains(&triangles), "{triangles}");
     }
 
     #[test]

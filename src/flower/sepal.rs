@@ -17,7 +17,7 @@
 //!
 //! | symbol | field | unit | default |
 //! |---|---|---|---|
-//! | length, width | `length_mm`, `width_mm` | mm | 34, 9 |
+//! | length, width | `length_mm`, `width_mm` | mm | 34, 10.5 |
 //! | start, end | `start_deg`, `end_deg` | deg | 100, 160 |
 //! | lobes per margin, their length | `lobes`, `lobe_mm` | -, mm | 3, 8 |
 //!
@@ -44,7 +44,7 @@ pub struct SepalDescription {
     pub count: u32,
     /// Length, mm (default 34).
     pub length_mm: f64,
-    /// Width, mm (default 9).
+    /// Width, mm (default 10.5).
     pub width_mm: f64,
     /// Angle from the flower's axis at the base when the flower is open, deg (default 100).
     pub start_deg: f64,
@@ -61,7 +61,7 @@ impl Default for SepalDescription {
         Self {
             count: 5,
             length_mm: 34.0,
-            width_mm: 9.0,
+            width_mm: 10.5,
             start_deg: 100.0,
             end_deg: 160.0,
             lobes: 3,
@@ -116,7 +116,7 @@ impl SepalDescription {
         let spiral = Spiral { divergence_deg, jitter_deg: 4.0 * growth.irregularity, seed };
         let midline = Midline {
             radius_mm: stem.receptacle_radius_mm,
-            height_mm: -0.09 * stem.receptacle_height_mm,
+            height_mm: -0.14 * stem.receptacle_height_mm,
             rank: self.rank(index),
             bend_deg: 14.0 * v(2),
             openness,
@@ -124,6 +124,7 @@ impl SepalDescription {
         let surface = SepalSurface {
             points: midline.trace(&form, stem, outer_radius_mm),
             azimuth: spiral.azimuth_deg(index).to_radians(),
+            free: smooth_step(0.0, 0.8, openness),
             twist: 0.35 * v(3),
             form,
         };
@@ -144,6 +145,8 @@ struct Midline {
 const BUD_DEG: f64 = -14.0;
 /// Steps of a midline.
 const STEPS: usize = 160;
+/// Slope of the cone below a bud that sepals stay out of.
+const SWELL: f64 = 0.8;
 /// Distance of a sepal from the petals and from the next sepal, mm.
 const LAYER_MM: f64 = 0.35;
 
@@ -178,14 +181,18 @@ impl Midline {
                 0.0
             }
         };
-        let mut p = DVec2::new(self.radius_mm + CONTACT_MM + 0.12 * self.rank, self.height_mm);
+        let mut p = DVec2::new(self.radius_mm + CONTACT_MM + 0.2 * self.rank, self.height_mm);
         let mut points = Vec::with_capacity(STEPS + 1);
         for k in 0..=STEPS {
             let s = k as f64 * step;
             let settled = smooth_step(0.0, 4.0, s);
-            let off = CONTACT_MM + (0.12 + (LAYER_MM - 0.12) * settled) * self.rank + LAYER_MM * settled;
+            let off = CONTACT_MM + (0.2 + (LAYER_MM - 0.2) * settled) * self.rank + LAYER_MM * settled;
             let clear = |q: DVec2| {
-                let petals = outer_radius_mm(q.y).max(outer_radius_mm(q.y + off));
+                // Below a bud that is wider than the receptacle the sepals swell towards it.
+                let petals = (0..=8)
+                    .map(|k| 0.5 * f64::from(k))
+                    .map(|above| outer_radius_mm(q.y + above) - SWELL * above)
+                    .fold(outer_radius_mm(q.y + off), f64::max);
                 let petals = if petals > 0.0 { petals + off } else { 0.0 };
                 let low = if settled < 1.0 { self.radius_mm * 0.985 } else { hip(q.y) } + off;
                 q.x >= petals.max(low).max(0.8 + LAYER_MM * self.rank)
@@ -219,6 +226,8 @@ struct SepalSurface {
     form: SepalDescription,
     points: Vec<(DVec2, f64)>,
     azimuth: f64,
+    /// How far the sepal has left the bud, 0 to 1.
+    free: f64,
     /// Turn of the tail about its midline, radians.
     twist: f64,
 }
@@ -226,7 +235,7 @@ struct SepalSurface {
 impl SepalSurface {
     /// Half width, mm.
     fn half_width_mm(&self, v: f64) -> f64 {
-        let belly = 0.62 + 0.38 * (std::f64::consts::PI * (v / 0.46).min(1.0)).sin();
+        let belly = 0.68 + 0.32 * (std::f64::consts::PI * (v / 0.46).min(1.0)).sin();
         let tail = 1.0 - 0.87 * smooth_step(0.16, 0.66, v);
         let leafy = 0.10 * (-((v - 0.84) / 0.10).powi(2)).exp();
         let tip = (1.0 - v.powi(10)).max(0.0).sqrt();
@@ -248,9 +257,9 @@ impl SepalSurface {
         let (sin, cos) = heading.sin_cos();
         // Adaxial normal in the plane of the axis: (-cos, sin). Across, the sepal is wound around the axis as far as
         // it lies along it, with a shallow trough towards the adaxial side; the tail twists.
-        let trough = 0.10 * p.x * p.x / (0.5 * self.form.width_mm) * smooth_step(0.0, 0.3, v);
+        let trough = 0.10 * p.x * p.x / (0.5 * self.form.width_mm) * smooth_step(0.0, 0.3, v) * self.free;
         let keel = -0.25 * (-(p.x / 0.6).powi(2)).exp() * (1.0 - v);
-        let twist = self.twist * smooth_step(0.45, 1.0, v);
+        let twist = self.twist * self.free * smooth_step(0.45, 1.0, v);
         let x = p.x * twist.cos();
         let lift = trough + keel * smooth_step(0.0, 0.15, v) + p.x * twist.sin();
         let (r, z) = (q.x - lift * cos, q.y + lift * sin);
@@ -265,7 +274,7 @@ impl SepalSurface {
         let n = |n: f64| ((n * growth.detail).round() as usize).max(3);
         let grid =
             |n: usize, power: f64| (0..=n).map(|j| (j as f64 / n as f64).powf(power)).collect::<Vec<f64>>();
-        let across = 2 * n(3.0);
+        let across = 2 * n(4.0);
         let mut all = mesh_on(self, &grid(across, 1.0), &grid(n(26.0), 1.0));
         for (margin, count) in lobes.into_iter().enumerate() {
             for k in 0..count {
