@@ -16,8 +16,11 @@ const SLICE_MM: f64 = 0.5;
 pub struct Room {
     low_mm: f64,
     /// Smallest and largest distance per slice; infinite and 0 where nothing is.
-    slices: Vec<(f64, f64)>,
+    slices: Vec<Slice>,
 }
+
+/// Smallest and largest distance from the axis.
+type Slice = (f64, f64);
 
 impl Room {
     /// The room around and inside these meshes.
@@ -70,7 +73,8 @@ impl Room {
         self.between(z_mm).map_or(0.0, |(a, b, t)| a.1 + (b.1 - a.1) * t)
     }
 
-    fn between(&self, z_mm: f64) -> Option<((f64, f64), (f64, f64), f64)> {
+    /// The slices below and above a height, and the part of the way from one to the other.
+    fn between(&self, z_mm: f64) -> Option<(Slice, Slice, f64)> {
         let at = (z_mm - self.low_mm) / SLICE_MM - 0.5;
         if !(at >= 0.0 && at < self.slices.len() as f64 - 1.0) {
             return None;

@@ -67,8 +67,7 @@ fn find(meshes: &[&Mesh], wanted: impl Fn(u32, u32) -> bool + Sync) -> Vec<Cross
                     continue;
                 }
                 if node.skip as usize == next + 1 {
-                    for j in (i + 1).max(node.first as usize)..node.end as usize {
-                        let other = &triangles[j];
+                    for other in &triangles[(i + 1).max(node.first as usize)..node.end as usize] {
                         if wanted(t.mesh, other.mesh)
                             && overlap(t.low, t.high, other.low, other.high)
                             && cross(&t.corners, &other.corners)
