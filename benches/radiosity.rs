@@ -189,6 +189,9 @@ fn scene(detail: f64) -> Scene {
     compile(&loaded.description, &MemoryAssets::default()).expect("the built-in scene compiles")
 }
 
+/// Value and weight of a patch's direct and indirect light beside its truth.
+type Weighed<'a> = &'a dyn Fn(&[f64; 2], &Truth) -> (f64, f64);
+
 /// Error of a set of patches' irradiance.
 fn tell(
     scene: &Scene,
@@ -241,9 +244,8 @@ fn tell(
         })
         .collect();
     for (t, told) in TOLD.iter().enumerate() {
-        let of = |what: &dyn Fn(&[f64; 2], &Truth) -> (f64, f64)| {
-            median(found.iter().zip(truths).map(|(f, truth)| what(&f[t], truth)).collect())
-        };
+        let of =
+            |what: Weighed| median(found.iter().zip(truths).map(|(f, truth)| what(&f[t], truth)).collect());
         let total = |x: &Truth| (x.direct[*told] + x.indirect[*told]).max(1e-30);
         println!(
             "  {} nm: median error {:.2} % by number, {:.2} % by light; of direct light {:.2} %, of indirect {:.2} %; noise of truth {:.2} %; direct share {:.2}",
