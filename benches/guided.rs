@@ -1,7 +1,7 @@
 //! Error and CPU seconds of `path` on the default rose, with a guide and without: `cargo bench --bench guided`.
 //!
 //! 8 x 8 patches of 6 x 6 pixels all over the default picture at its own resolution and samples, on one thread, the two by
-//! turns with eight seeds each. Error: mean over the pixels of the variance of their luminance over (mean^2 + 0.01). CPU
+//! turns with 48 seeds each. Error: mean over the pixels of the variance of their luminance over (mean^2 + 0.01). CPU
 //! seconds are the thread's own (Linux: `/proc/thread-self/schedstat`), and wall clock elsewhere.
 
 #![expect(clippy::print_stdout, reason = "a bench tells what it measures")]
@@ -17,7 +17,7 @@ use rosarium::transport::{Guide, GuideSettings, NoProgress, Path, RenderSettings
 
 const GRID: u32 = 8;
 const PATCH: u32 = 6;
-const SEEDS: u64 = 8;
+const SEEDS: u64 = 48;
 
 fn cpu_s(started: Instant) -> f64 {
     let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok();
@@ -41,8 +41,11 @@ fn pass(scene: &Scene, path: &Path, seed: u64, pixels: &mut [Welford]) {
     }
 }
 
-fn error(pixels: &[Welford]) -> f64 {
-    pixels.iter().map(|p| p.variance() / (p.mean() * p.mean() + 0.01)).sum::<f64>() / pixels.len() as f64
+/// The error over the pixels, which rare bright paths make uncertain.
+fn error(pixels: &[Welford]) -> Welford {
+    let mut errors = Welford::default();
+    pixels.iter().for_each(|p| errors.push(p.variance() / (p.mean() * p.mean() + 0.01)));
+    errors
 }
 
 fn compare(scene: &Scene) {
@@ -68,9 +71,14 @@ fn compare(scene: &Scene) {
     let whole = seconds.map(|s| s / SEEDS as f64 / share);
     println!("guide: built in {built:.2} CPU s");
     for (name, k) in [("path", 0), ("guided path", 1)] {
-        println!("{name}: {:.1} CPU s per picture, error {:.3e}", whole[k], errors[k]);
+        println!(
+            "{name}: {:.1} CPU s per picture, error {:.3e} +- {:.0e}",
+            whole[k],
+            errors[k].mean(),
+            errors[k].standard_error()
+        );
     }
-    let equal = errors[1] / errors[0] * whole[1] + built;
+    let equal = errors[1].mean() / errors[0].mean() * whole[1] + built;
     println!(
         "at the error of path: {equal:.1} CPU s with the guide's own, {:.2} times fewer",
         whole[0] / equal

@@ -66,7 +66,7 @@ fn aimed_points_find_the_same_light() {
             let petal = petal(cells.clone(), (0.2, 0.1), exponent);
             for pair in PAIRS.map(pair) {
                 let key = 10 * k as u32;
-                let random = estimates(&petal, pair, Footprint::WIDE, 4.into(), 6000, key);
+                let random = estimates(&petal, pair, Footprint::WIDE, 4.into(), 3000, key);
                 let aimed =
                     estimates(&petal, pair, Footprint::WIDE, Points { random: 1, aimed: 2 }, 3000, key + 1);
                 let variance = random.standard_error().powi(2) + aimed.standard_error().powi(2);
