@@ -251,6 +251,8 @@ impl RoseMaterials {
         // Our reading of living roses.
         match name {
             "leaf" => Some(sheet([0.04, 0.11, 0.03], [0.08, 0.16, 0.07], [0.03, 0.09, 0.01])),
+            "sepal" => Some(sheet([0.06, 0.14, 0.04], [0.08, 0.16, 0.07], [0.02, 0.06, 0.01])),
+            "stem" => Some(solid([0.08, 0.16, 0.05])),
             "prickle" => Some(solid([0.22, 0.10, 0.055])),
             "stamen" => Some(solid([0.55, 0.47, 0.16])),
             "anther" => Some(solid([0.62, 0.38, 0.05])),
