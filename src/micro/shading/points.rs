@@ -105,18 +105,20 @@ impl CellPetal {
         let pair = Pair { wo, wi, light: wi.as_dvec3().normalize(), lambda, aimed: ratio };
         let mut sum = SampledSpectrum::ZERO;
         for i in 0..random {
-            sum += self.from_random(&pair, footprint, &mut sampler.fork(i, random));
+            sum += self.by_chance(&pair, footprint, &mut sampler.fork(i, random));
         }
         sampler.end_fork();
         for i in 0..aimed {
-            sum += self.from_aimed(&pair, &mut sampler.fork(i, aimed)).unwrap_or(SampledSpectrum::ZERO);
+            sum += self
+                .aimed_at_the_highlight(&pair, &mut sampler.fork(i, aimed))
+                .unwrap_or(SampledSpectrum::ZERO);
         }
         sampler.end_fork();
         sum * (1.0 / random as f32)
     }
 
     /// f_E from one random point: its share of the first order, and all further orders.
-    fn from_random(&self, pair: &Pair, footprint: Footprint, sampler: &mut Sampler) -> SampledSpectrum {
+    fn by_chance(&self, pair: &Pair, footprint: Footprint, sampler: &mut Sampler) -> SampledSpectrum {
         let mut direction = -pair.wo.as_dvec3().normalize();
         let mut hit = self.first_hit(direction, footprint, sampler);
         let mut throughput = SampledSpectrum::ONE;
@@ -137,7 +139,7 @@ impl CellPetal {
     }
 
     /// f_E of the first order from one aimed point, over p_r.
-    fn from_aimed(&self, pair: &Pair, sampler: &mut Sampler) -> Option<SampledSpectrum> {
+    fn aimed_at_the_highlight(&self, pair: &Pair, sampler: &mut Sampler) -> Option<SampledSpectrum> {
         let lobe = square_to_power_cosine(sampler.next_2d(), self.epidermis.exponent());
         let normal = pair.wo + Frame::from_normal(pair.wi).to_world(lobe);
         let at = self.cells.facing(normal.as_dvec3().normalize_or_zero())?;
