@@ -56,7 +56,7 @@ pub struct BloomDescription {
     pub reflex_outer_deg: f64,
     /// Part of the length where the bending back starts (default 0.54).
     pub hinge: f64,
-    /// Attitude of the outermost petals in the bud, deg; negative leans over the centre (default -12). The
+    /// Attitude of the outermost petals in the bud, deg; negative leans over the centre (default -10). The
     /// innermost stand upright.
     pub bud_deg: f64,
     /// Attitude at the base of the outermost petals in the bud, deg (default 52).
@@ -80,7 +80,7 @@ impl Default for BloomDescription {
             reflex_inner_deg: 6.0,
             reflex_outer_deg: 78.0,
             hinge: 0.54,
-            bud_deg: -12.0,
+            bud_deg: -10.0,
             bud_base_deg: 52.0,
             heart_radius_mm: 1.6,
             overlap: 0.16,
@@ -274,8 +274,7 @@ impl Bloom {
         let start = start(age);
         let r = self.receptacle_radius_mm * start + dr;
         // A smooth floor keeps leaning centre petals off the axis, in order.
-        let floor =
-            self.form.heart_radius_mm * (0.7 + 0.9 * (1.0 - (-layer.max(0.0) / 6.0).exp()) + 0.6 * age);
+        let floor = self.form.heart_radius_mm * (1.6 - 0.9 * (-layer.max(0.0) / 6.0).exp());
         Meridian {
             r_mm: 0.5 * (r + r.hypot(2.0 * floor)),
             z_mm: 0.5 * self.receptacle_radius_mm * (1.0 - start * start) + dz,

@@ -1,7 +1,7 @@
 //! Grows a rose: where each petal stands, what its age makes of it, and the meshes of all organs.
 //!
 //! Petals whose meshes still meet a neighbour or themselves lose a fifth of their roll and unevenness, again and again
-//! until none meets. Guarded by `petals_do_not_cross`.
+//! until none meets, and some of their width if that does not help. Guarded by `petals_do_not_cross`.
 
 use rayon::prelude::*;
 
@@ -53,8 +53,8 @@ pub fn grow(description: &RoseDescription) -> Result<Flower> {
 fn petal_mesh(petal: &PetalSurface, form: &PetalForm, bloom: &Bloom, detail: f64) -> Mesh {
     // A petal wound tightly about the axis needs short chords.
     let turn = form.outline.width_mm / bloom.meridian(form.layer, 0.9 * form.outline.length_mm).r_mm;
-    let across = (turn / LONGEST_CHORD).max(28.0);
-    let (across, along) = (across * detail, ALONG * detail);
+    let across = (ACROSS * detail).max(turn / LONGEST_CHORD * detail.max(1.0));
+    let along = ALONG * detail;
     if detail <= MODELLED_DETAIL {
         return mesh(petal, count(across), count(along), CROWDING);
     }
@@ -63,8 +63,9 @@ fn petal_mesh(petal: &PetalSurface, form: &PetalForm, bloom: &Bloom, detail: f64
     mesh(&modelled, count(across), count(along), CROWDING)
 }
 
+/// The nearest even number, so that petals have vertices along their middle.
 fn count(n: f64) -> usize {
-    (n.round() as usize).max(4)
+    2 * ((0.5 * n).round() as usize).max(2)
 }
 
 /// Petals that meet another or themselves, as meshes of this detail, get less roll and unevenness until none do.
@@ -72,7 +73,7 @@ fn settle(forms: &mut [PetalForm], bloom: &Bloom, neighbours: &Neighbours, detai
     let grown =
         |form: &PetalForm| petal_mesh(&PetalSurface::new(form, bloom, neighbours), form, bloom, detail);
     let mut meshes: Vec<Mesh> = forms.par_iter().map(grown).collect();
-    for _ in 0..SETTLE_STEPS {
+    for step in 0..SETTLE_STEPS {
         let mut meets = vec![false; forms.len()];
         for c in crossings(&meshes.iter().collect::<Vec<_>>()) {
             c.meshes.iter().for_each(|&k| meets[k as usize] = true);
@@ -83,13 +84,18 @@ fn settle(forms: &mut [PetalForm], bloom: &Bloom, neighbours: &Neighbours, detai
         forms.par_iter_mut().zip(&mut meshes).zip(&meets).filter(|(_, meets)| **meets).for_each(
             |((form, mesh), _)| {
                 form.ease *= EASE;
+                // What meets without roll does so at its flanks.
+                if step >= SETTLE_STEPS / 3 {
+                    form.outline.width_mm *= NARROWER;
+                }
                 *mesh = grown(form);
             },
         );
     }
 }
 
-/// Rows of a petal of detail 1, and how they crowd towards the rim.
+/// Columns and rows of a petal of detail 1, and how they crowd towards the rim.
+const ACROSS: f64 = 28.0;
 const ALONG: f64 = 28.0;
 const CROWDING: f64 = 1.6;
 /// Beyond this detail the mid-surface is interpolated: its smallest waves are 5 mm long.
@@ -97,6 +103,8 @@ const MODELLED_DETAIL: f64 = 4.0;
 /// Steps of settling, and what a petal keeps of its roll and unevenness in each.
 const SETTLE_STEPS: u32 = 12;
 const EASE: f64 = 0.8;
+/// What a petal that still meets another keeps of its width in each of the later steps.
+const NARROWER: f64 = 0.96;
 /// Finest meshes that are settled: finer ones follow the same surfaces.
 const SETTLED_DETAIL: f64 = 2.5;
 
@@ -122,8 +130,8 @@ fn petal_form(d: &RoseDescription, bloom: &Bloom, index: u32) -> PetalForm {
         width_mm,
         claw_width_mm: size * p.claw_width_mm * lerp(0.5, 1.0, age),
         widest: p.widest,
-        tip_mm: p.tip_mm * age * (1.0 + 0.5 * v(4)),
-        nicks_mm: p.nicks_mm * age * d.irregularity,
+        tip_mm: size * p.tip_mm * age * (1.0 + 0.5 * v(4)),
+        nicks_mm: size * p.nicks_mm * age * d.irregularity,
         seed: d.seed ^ (u64::from(index) << 32),
     };
     let roll_deg = lerp(p.roll_inner_deg, p.roll_outer_deg, age.powf(1.2)) * lerp(0.25, 1.0, opened);
@@ -147,8 +155,8 @@ fn petal_form(d: &RoseDescription, bloom: &Bloom, index: u32) -> PetalForm {
     }
 }
 
-/// Longest chord of a mesh of detail 1 about the axis, radians.
-const LONGEST_CHORD: f64 = 0.12;
+/// Longest chord of a mesh about the axis, radians: between the petals of a bud are tenths of a millimetre.
+const LONGEST_CHORD: f64 = 0.09;
 /// A rim that turned further would come back to its own petal.
 const MOST_ROLLED_DEG: f64 = 160.0;
 

@@ -320,10 +320,10 @@ mod tests {
         let rolled = PetalSurface::new(&rolled, &bloom, &alone);
         let heading = bloom.meridian(26.0, 46.0).heading;
         let adaxial = DVec3::new(-heading.cos(), 0.0, heading.sin());
-        for (u, least_mm) in [(0.25, 2.5), (0.5, 0.3), (0.75, 2.5)] {
-            let off = (rolled.at(u, 1.0) - still.at(u, 1.0)).dot(adaxial);
-            assert!(off < -least_mm, "{u}: {off}");
-        }
+        let off = |u: f64| (rolled.at(u, 1.0) - still.at(u, 1.0)).dot(adaxial);
+        // The edges roll back, the cusp between them hardly.
+        assert!(off(0.25) < -2.5 && off(0.75) < -2.5, "{} {}", off(0.25), off(0.75));
+        assert!(off(0.5) < -0.1 && off(0.5) > 0.3 * off(0.25), "{}", off(0.5));
         assert!((rolled.at(0.5, 0.5) - still.at(0.5, 0.5)).length() < 1e-9);
     }
 

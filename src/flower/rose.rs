@@ -94,8 +94,8 @@ impl RoseDescription {
         d.bloom.inner_deg = -8.0;
         d.bloom.outer_deg = 52.0;
         d.bloom.power = 1.4;
-        d.bloom.bud_deg = -6.0;
-        d.bloom.bud_base_deg = 60.0;
+        d.bloom.bud_deg = -3.0;
+        d.bloom.bud_base_deg = 56.0;
         d.bloom.reflex_inner_deg = 10.0;
         d.bloom.reflex_outer_deg = 14.0;
         d
@@ -123,6 +123,8 @@ impl RoseDescription {
         d.bloom.base_inner_deg = 60.0;
         d.bloom.base_outer_deg = 64.0;
         d.bloom.reflex_inner_deg = 0.0;
+        d.bloom.bud_deg = -4.0;
+        d.bloom.bud_base_deg = 62.0;
         d.bloom.reflex_outer_deg = 10.0;
         d.stem.receptacle_radius_mm = 3.4;
         d.stem.receptacle_height_mm = 9.0;
