@@ -9,8 +9,8 @@
 //! plane, and the intervals that both cut out of the planes' common line overlap. In f64: products of three
 //! differences of f32 are known to 1e-15 of their size. Guarded by `agrees_with_piercing_edges`.
 //!
-//! Candidates come from a tree of boxes, split at the median of the longest side: n log n
-//! (`a_fine_pair_of_sheets_is_fast`).
+//! Candidates come from a tree of boxes, split at the median of the longest side: n log n;
+//! `fine_sheets_cross_once_tilted` has 193 600 triangles.
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -297,12 +297,9 @@ mod tests {
     }
 
     #[test]
-    fn a_fine_pair_of_sheets_is_fast() {
+    fn fine_sheets_cross_once_tilted() {
         let (low, high) = (sheet(220, 0.0), sheet(220, 1e-4));
-        let start = std::time::Instant::now();
         assert_eq!(crossings(&[&low, &high]), []);
-        // 193,600 triangles; a loaded machine needs under a second, testing all pairs an hour.
-        assert!(start.elapsed().as_secs_f64() < 20.0, "{:?}", start.elapsed());
         let mut tilted = high;
         for p in &mut tilted.positions {
             p.z += 0.01 * (p.x - 0.5013);
