@@ -5,7 +5,7 @@
 //!
 //! ```text
 //! rms_i = sqrt(mean of Y(R_n E_n,i)^2 + mean of Y(T_n' E_n',i)^2)
-//! light i is drawn at a bounce with p_i = (1 - floor) rms_i / sum of rms + floor P_i,   floor = 0.1
+//! light i is drawn at a bounce with p_i = (1 - floor) rms_i / sum of rms + floor P_i,   floor = 0.3
 //! ```
 //!
 //! P_i is the choice without a guide. None of this enters the picture's light: it tells how often something is drawn, and
@@ -14,7 +14,7 @@
 //!
 //! | symbol | field | unit | default |
 //! |---|---|---|---|
-//! | | [`GuideSettings`] | | 4000 elements of 8 rays, 32 samples of every light |
+//! | | [`GuideSettings`] | | 4000 elements of 8 rays, 16 samples of every light |
 //!
 //! Limits: at most 8 lights are chosen from; scenes with more of them are not guided in that. What was tried and did not pay
 //! is in docs/performance.md. Source: our reading; importance of lights per place as in Shirley, Wang and Zimmerman 1996.
@@ -35,7 +35,7 @@ use crate::spectrum::{LANES, Observer, SampledSpectrum, SampledWavelengths};
 const FIRST_NM: f32 = 410.0;
 const STEP_NM: f32 = 40.0;
 /// Share of the choice of a light that stays as it is without a guide.
-const FLOOR: f32 = 0.1;
+const FLOOR: f32 = 0.3;
 /// Marks the numbers of these samples among others of the seed.
 const SEQUENCE: u32 = 0x6f1d_e000;
 /// Shadow rays end this share of their length before the light.
@@ -48,7 +48,7 @@ pub struct GuideSettings {
     pub elements: u32,
     /// Rays from each side of an element. Default 8.
     pub rays: u32,
-    /// Samples of every light for each side of an element. Default 32.
+    /// Samples of every light for each side of an element. Default 16.
     pub light_samples: u32,
     /// Seed of all samples. Default 0.
     pub seed: u64,
@@ -56,7 +56,7 @@ pub struct GuideSettings {
 
 impl Default for GuideSettings {
     fn default() -> Self {
-        Self { elements: 4000, rays: 8, light_samples: 32, seed: 0 }
+        Self { elements: 4000, rays: 8, light_samples: 16, seed: 0 }
     }
 }
 
