@@ -201,7 +201,7 @@ fn mistakes_are_named() {
         (&["--unit-lx", "nan"], &["--unit-lx"]),
         (&["--elements", "0"], &["elements"]),
         (&["--residual", "2"], &["residual"]),
-        (&["--memory", "1MiB"], &["memory", "would fit"]),
+        (&["--memory", "24MiB"], &["memory", "would fit"]),
         (&["--sensor", "1,2,3"], &["--sensor 1,2,3", "six numbers"]),
         (&["--sensor", "1,2,3,0,0,0"], &["--sensor", "normal"]),
         (&["--sensors", "none.csv"], &["none.csv", "No such file"]),

@@ -1,4 +1,4 @@
-//! A rose, grown organ by organ: [`rose::grow`] turns a [`RoseDescription`] into a [`Flower`] of meshes.
+//! A rose, grown organ by organ: [`grow()`] turns a [`RoseDescription`] into a [`Flower`] of meshes.
 //!
 //! ```text
 //! RoseDescription --phyllotaxis--> azimuth, layer of each petal --bloom--> where its layer lies in space
