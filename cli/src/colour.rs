@@ -12,7 +12,7 @@ use sha2::{Digest, Sha256};
 use crate::input::{self, Overrides};
 use crate::output::{self, Output};
 use crate::progress::Bar;
-use crate::{Global, Outcome, fit, progress};
+use crate::{Global, Outcome, fit, progress, shell};
 
 /// Find the pigments of a petal from its measured colour.
 ///
@@ -147,7 +147,7 @@ pub(crate) fn run(args: &Args, global: Global) -> Result<Outcome> {
             format!("data    {at}, {sample}"),
             format!("sha256  {sha256}"),
             format!("petal   {name}"),
-            format!("command {}", fit::command()),
+            format!("command {}", shell::command()),
         ];
         let petal = fitted_spectrum::petal(description, &fit);
         output.write(fitted_spectrum::to_toml(&petal, &lines, &report)?.as_bytes())?;

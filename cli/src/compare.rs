@@ -130,6 +130,13 @@ struct Verdict {
 }
 
 pub(crate) fn run(args: &Args, global: Global) -> Result<Outcome> {
+    let (text, outcome) = compare(args, global)?;
+    output::print(text.as_bytes())?;
+    Ok(outcome)
+}
+
+/// Compares, and writes the picture that was asked for; returns what is to be printed.
+pub(crate) fn compare(args: &Args, global: Global) -> Result<(String, Outcome)> {
     let output = args.output.as_deref().map(|p| Output::prepare("--output", p, &["png"])).transpose()?;
     let image = read(args, &args.image)?;
     let reference = read(args, &args.reference)?;
@@ -157,8 +164,8 @@ pub(crate) fn run(args: &Args, global: Global) -> Result<Outcome> {
             "one picture is of light, the other of a screen: FLIP clips both to 0 to 1, without a tone curve"
         );
     }
-    if let Some(outcome) = refuse_bad_pixels(args, &image, &reference, global)? {
-        return Ok(outcome);
+    if let Some(text) = refuse_bad_pixels(args, &image, &reference, global) {
+        return Ok((text, Outcome::CheckFailed));
     }
     let settings = Settings { epsilon: args.epsilon, pixels_per_degree: args.pixels_per_degree };
     let difference = difference(&image, &reference, &settings)?;
@@ -171,14 +178,13 @@ pub(crate) fn run(args: &Args, global: Global) -> Result<Outcome> {
     } else {
         for_people(args, &image, &difference)
     };
-    output::print(text.as_bytes())?;
     match verdict {
         Some(v) if !v.passed => {
             let beyond = format!("{}: {:.4e} is beyond the tolerance {:e}", v.name, v.value, v.tolerance);
             progress::say(global, &beyond);
-            Ok(Outcome::CheckFailed)
+            Ok((text, Outcome::CheckFailed))
         }
-        _ => Ok(Outcome::Done),
+        _ => Ok((text, Outcome::Done)),
     }
 }
 
@@ -199,17 +205,13 @@ fn cropped(args: &Args, picture: Picture) -> Result<Picture> {
     picture.crop(part)
 }
 
-/// Measures of NaN are NaN: where there are any, that is the result.
-fn refuse_bad_pixels(
-    args: &Args,
-    image: &Picture,
-    reference: &Picture,
-    global: Global,
-) -> Result<Option<Outcome>> {
+/// Measures of NaN are NaN: where there are any, that is the result, and this what is to be printed.
+fn refuse_bad_pixels(args: &Args, image: &Picture, reference: &Picture, global: Global) -> Option<String> {
     let pictures = [(&args.image, image.not_finite()), (&args.reference, reference.not_finite())];
     if pictures.iter().all(|(_, bad)| bad.is_none()) {
-        return Ok(None);
+        return None;
     }
+    let mut text = String::new();
     if args.json {
         let counts = pictures.iter().map(|(_, bad)| bad.map_or(0, |b| b.0)).collect::<Vec<_>>();
         let object = json!({
@@ -218,7 +220,7 @@ fn refuse_bad_pixels(
             "not_finite": counts,
             "passed": false,
         });
-        output::print(format!("{object}\n").as_bytes())?;
+        text = format!("{object}\n");
     }
     for (path, bad) in pictures {
         if let Some((count, (x, y))) = bad {
@@ -229,7 +231,7 @@ fn refuse_bad_pixels(
             progress::say(global, &line);
         }
     }
-    Ok(Some(Outcome::CheckFailed))
+    Some(text)
 }
 
 fn verdict(args: &Args, difference: &Difference) -> Result<Option<Verdict>> {

@@ -14,7 +14,7 @@ use rosarium::{Error, Result};
 use crate::{input, report};
 
 /// What a table of measured values means, where the file does not say it itself.
-#[derive(Clone, Debug, clap::Args)]
+#[derive(Clone, Debug, Default, clap::Args)]
 #[command(next_help_heading = "What the table means")]
 pub(crate) struct DataArgs {
     /// Which column of a CSV is what: incident_theta, incident_phi, theta, phi, value, sigma, series, wavelength, side.

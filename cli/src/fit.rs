@@ -9,15 +9,13 @@ use rosarium::fit::options::{Action, Covariance, Loss, Override, Weights};
 use rosarium::fit::report::{DataInfo, Report};
 use rosarium::fit::{self, Audit, Model, Options, models};
 use rosarium::gonio::{Measurement, Scale};
-use rosarium::io::{fit_html, fit_series, fit_text};
-use rosarium::scene::fitted;
 use rosarium::{Error, Result};
 
 use crate::cell_model::CellArgs;
 use crate::data::DataArgs;
 use crate::output::{self, Output};
 use crate::progress::Bar;
-use crate::{Global, Outcome, progress};
+use crate::{Global, Outcome, fit_output, shell};
 
 /// Fit models of reflection to a goniometer's table.
 ///
@@ -29,6 +27,7 @@ use crate::{Global, Outcome, progress};
 Examples:
   rosarium fit table.csv --model terado --report report.html -o petal.toml
   rosarium fit table.csv --model all
+  rosarium fit table.csv --model lambert+phong,terado --plot fits.svg --residuals residuals.svg
   rosarium fit table.csv --model terado --vary height_um=20..50 --bounds n_E=2..100 --fix ks_S=0
   rosarium fit leaf.csv --columns incident_theta=sza,theta=vza,phi=vaa,value=BRF_550nm \\
       --quantity brf --azimuth lamp --series sample --model lambert,lambert+phong,terado")]
@@ -45,6 +44,12 @@ pub(crate) struct Args {
     /// Report to write: .html (with plots), .json or .txt. Repeatable.
     #[arg(long, value_name = "FILE")]
     report: Vec<PathBuf>,
+    /// Plot of readings and models in the planes of incidence to write: .svg or .png. Repeatable. Needs one series.
+    #[arg(long, value_name = "FILE")]
+    plot: Vec<PathBuf>,
+    /// Plot of the best model's residuals over the hemisphere to write: .svg or .png. Repeatable. Needs one series.
+    #[arg(long, value_name = "FILE")]
+    residuals: Vec<PathBuf>,
     /// Print the report as JSON instead of text.
     #[arg(long)]
     json: bool,
@@ -221,8 +226,16 @@ fn tie(text: &str) -> Option<Action> {
 }
 
 pub(crate) fn run(args: &Args, global: Global) -> Result<Outcome> {
+    output::print(fit(args, global, &shell::command())?.as_bytes())
+}
+
+/// Fits, and writes the files that were asked for; returns what is to be printed. `command` is the one that makes the same
+/// fit again.
+pub(crate) fn fit(args: &Args, global: Global, command: &str) -> Result<String> {
     let petal = args.output.as_deref().map(|p| Output::prepare("--output", p, &["toml"])).transpose()?;
     let reports = Output::prepare_all("--report", &args.report, &["html", "json", "txt"])?;
+    let plots = Output::prepare_all("--plot", &args.plot, &["svg", "png"])?;
+    let residuals = Output::prepare_all("--residuals", &args.residuals, &["svg", "png"])?;
     let data = args.data.load(&args.tables)?;
     let relative = data.measurement.scale == Scale::RelativePerSeries;
     let mut options = args.search.options(relative)?;
@@ -242,6 +255,10 @@ pub(crate) fn run(args: &Args, global: Global) -> Result<Outcome> {
         );
         return Err(Error::invalid("--output", what));
     }
+    if parts.len() > 1 && !(plots.is_empty() && residuals.is_empty()) {
+        let what = format!("a plot shows one series; here are {}: choose by --select or --pool", parts.len());
+        return Err(Error::invalid(if plots.is_empty() { "--residuals" } else { "--plot" }, what));
+    }
 
     let bar = Bar::new("fit");
     let (step, steps) = (1_000_000, 1_000_000 * (models.len() * parts.len()) as u64);
@@ -259,32 +276,29 @@ pub(crate) fn run(args: &Args, global: Global) -> Result<Outcome> {
             fits.push(fit);
         }
         let info = DataInfo::new(&data.name, &data.bytes, &data.quantity, part);
-        fitted.push(Report::new(Some(command()), info, fits, audits));
+        fitted.push(Report::new(Some(command.to_owned()), info, fits, audits));
     }
     drop(bar);
 
     for output in &reports {
-        write_report(output, &fitted, &parts, &models, args.search.correlations, global)?;
+        fit_output::write_report(output, &fitted, &parts, &models, args.search.correlations, global)?;
     }
     if let (Some(output), [report], [part]) = (&petal, fitted.as_slice(), parts.as_slice()) {
-        write_petal(output, report, part, &args.cells, global)?;
+        fit_output::write_petal(output, report, part, &args.cells, global)?;
     }
-    let text = if args.json {
-        json(&fitted)?
-    } else {
-        let compare = args.model.iter().any(|m| m == "all");
-        text(&fitted, compare, args.search.correlations)
-    };
-    output::print(text.as_bytes())
-}
-
-/// The command that makes the same fit again.
-pub(crate) fn command() -> String {
-    let quoted = |a: String| if a.contains([' ', '*', '[', '(']) { format!("'{a}'") } else { a };
-    std::iter::once("rosarium".to_owned())
-        .chain(std::env::args().skip(1).map(quoted))
-        .collect::<Vec<_>>()
-        .join(" ")
+    if let ([report], [part]) = (fitted.as_slice(), parts.as_slice()) {
+        if !plots.is_empty() {
+            fit_output::write_pictures(&plots, &fit_output::plot(report, part, &models)?, global)?;
+        }
+        if !residuals.is_empty() {
+            fit_output::write_pictures(&residuals, &fit_output::residuals(report, part)?, global)?;
+        }
+    }
+    if args.json {
+        return fit_output::json(&fitted);
+    }
+    let compare = args.model.iter().any(|m| m == "all");
+    Ok(fit_output::text(&fitted, compare, args.search.correlations))
 }
 
 /// Names of the models to fit; `all` are those that can explain the readings.
@@ -382,86 +396,4 @@ fn own(options: &Options, model: &dyn Model, models: usize) -> Options {
         });
     }
     own
-}
-
-fn text(reports: &[Report], compare: bool, min_correlation: f64) -> String {
-    let mut out = String::new();
-    for report in reports {
-        if reports.len() > 1 {
-            out.push_str(&format!("== {}\n", report.data.sample));
-        }
-        if compare {
-            // The ladder answers the question; the rest is in the report.
-            out.push_str(&fit_text::ladder(&report.fits));
-        } else {
-            out.push_str(&fit_text::report(report, min_correlation));
-        }
-        out.push('\n');
-    }
-    if reports.len() > 1 {
-        out.push_str(&fit_series::over_series(reports));
-    }
-    out
-}
-
-fn json(reports: &[Report]) -> Result<String> {
-    let mut text = match reports {
-        [one] => one.to_json()?,
-        all => serde_json::to_string_pretty(all).map_err(|e| Error::invalid("--json", e.to_string()))?,
-    };
-    text.push('\n');
-    Ok(text)
-}
-
-fn write_report(
-    output: &Output,
-    reports: &[Report],
-    parts: &[Measurement],
-    models: &[Box<dyn Model>],
-    min_correlation: f64,
-    global: Global,
-) -> Result<()> {
-    let write = |output: &Output, content: &str| -> Result<()> {
-        output.write(content.as_bytes())?;
-        progress::say(global, &format!("{}: report", output.path().display()));
-        Ok(())
-    };
-    match output.format {
-        "json" => write(output, &json(reports)?),
-        "txt" => write(output, &text(reports, false, min_correlation)),
-        _ => {
-            let models: Vec<&dyn Model> = models.iter().map(|m| &**m).collect();
-            for (report, part) in reports.iter().zip(parts) {
-                let page = fit_html::page(report, part, &models)?;
-                if reports.len() == 1 {
-                    write(output, &page)?;
-                } else {
-                    // A page holds one sample: the others stand beside it.
-                    write(&output.beside(&file_name(&report.data.sample))?, &page)?;
-                }
-            }
-            Ok(())
-        }
-    }
-}
-
-/// A series' name as part of a file's.
-fn file_name(series: &str) -> String {
-    series.chars().map(|c| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' }).collect()
-}
-
-/// The fitted petal, with where it comes from.
-fn write_petal(
-    output: &Output,
-    report: &Report,
-    part: &Measurement,
-    cells: &CellArgs,
-    global: Global,
-) -> Result<()> {
-    let Some(fit) = report.fits.first() else { return Ok(()) };
-    let petal = fitted::petal(fit, part, &cells.description()?)?;
-    let text = fitted::to_toml(&petal, fit, &report.data, report.command.as_deref())?;
-    output.write(text.as_bytes())?;
-    progress::say(global, &format!("{}: petal", output.path().display()));
-    Ok(())
 }

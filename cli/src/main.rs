@@ -9,6 +9,7 @@ mod compare;
 mod convert;
 mod data;
 mod fit;
+mod fit_output;
 mod grow;
 mod input;
 mod light;
@@ -23,6 +24,7 @@ mod render;
 mod report;
 mod reproduce;
 mod sample;
+mod shell;
 mod spectral;
 mod swatch;
 

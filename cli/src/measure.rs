@@ -98,6 +98,11 @@ fn side(name: String) -> Side {
 }
 
 pub(crate) fn run(args: &Args, global: Global) -> Result<Outcome> {
+    output::print(measure(args, global)?.as_bytes())
+}
+
+/// Measures, and writes the files that were asked for; returns what is to be printed.
+pub(crate) fn measure(args: &Args, global: Global) -> Result<String> {
     if let Some(path) = args.output.as_deref().filter(|p| optics::is_asked_for(p)) {
         return measure_optics(args, path, global);
     }
@@ -175,17 +180,17 @@ pub(crate) fn run(args: &Args, global: Global) -> Result<Outcome> {
         }
         .map_err(|e| Error::invalid("--json", e.to_string()))?;
         text.push('\n');
-        return output::print(text.as_bytes());
+        return Ok(text);
     }
     let mut text = tables.iter().map(for_people).collect::<Vec<_>>().join("\n");
     if let Some(spectral) = &spectral {
         text.push_str(&spectral.for_people());
     }
-    output::print(text.as_bytes())
+    Ok(text)
 }
 
 /// A petal for all wavelengths: what chooses some of the light has no meaning then.
-fn measure_optics(args: &Args, path: &Path, global: Global) -> Result<Outcome> {
+fn measure_optics(args: &Args, path: &Path, global: Global) -> Result<String> {
     let some = [
         ("--side", args.side.is_some()),
         ("--wavelengths", args.wavelengths.is_some()),

@@ -12,9 +12,9 @@ use rosarium::{Error, Result};
 use serde::Serialize;
 
 use crate::input::{self, Overrides};
-use crate::output::{self, Output};
+use crate::output::Output;
 use crate::progress::Bar;
-use crate::{Global, Outcome, progress, report};
+use crate::{Global, progress, report};
 
 /// Does the output's name ask for a measurement for all wavelengths?
 pub(crate) fn is_asked_for(output: &Path) -> bool {
@@ -43,7 +43,7 @@ pub(crate) fn run(
     (path, settings): (&Path, &WhiteMonteCarlo),
     json: bool,
     global: Global,
-) -> Result<Outcome> {
+) -> Result<String> {
     settings.validate().map_err(name_flag)?;
     let file = Output::prepare("--output", path, &["optics"])?;
     let petal = input::petal(argument, overrides)?;
@@ -73,9 +73,9 @@ pub(crate) fn run(
         let mut text =
             serde_json::to_string(&summary).map_err(|e| Error::invalid("--json", e.to_string()))?;
         text.push('\n');
-        return output::print(text.as_bytes());
+        return Ok(text);
     }
-    output::print(for_people(&summary).as_bytes())
+    Ok(for_people(&summary))
 }
 
 /// Measures the tissue of a petal at its age.

@@ -19,7 +19,7 @@ use crate::input::{self, Overrides};
 use crate::oidn::{self, Oidn};
 use crate::output::Output;
 use crate::progress::{Bar, peak_memory};
-use crate::{Global, Outcome, progress, report};
+use crate::{Global, Outcome, progress, report, shell};
 
 /// Render a scene to EXR and PNG.
 ///
@@ -126,6 +126,11 @@ where
 }
 
 pub(crate) fn run(args: &Args, global: Global) -> Result<Outcome> {
+    render(args, global, &shell::command())
+}
+
+/// Renders and writes; `command` is the one that the picture names as its own.
+pub(crate) fn render(args: &Args, global: Global, command: &str) -> Result<Outcome> {
     let outputs = Output::prepare_all("--output", &paths(args), &["exr", "png"])?;
     let started = Instant::now();
     let scene = read_scene(args, global)?;
@@ -156,7 +161,7 @@ pub(crate) fn run(args: &Args, global: Global) -> Result<Outcome> {
 
     let metadata = io::exr::Metadata {
         version: env!("CARGO_PKG_VERSION").to_owned(),
-        command_line: std::env::args().collect::<Vec<_>>().join(" "),
+        command_line: command.to_owned(),
         seed: settings.seed,
         spp: settings.spp,
         scene_hash: format!("{:032x}", scene.scene_hash),

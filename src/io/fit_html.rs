@@ -6,6 +6,7 @@
 use super::fit_parts::{audit, correlations, parameters, statistics};
 use super::fit_plot::{self, FittedModel};
 use super::fit_text::{general, round};
+use super::html;
 use super::picture::{Picture, escape, spread};
 use super::residual_map::residual_map;
 use crate::fit::{LadderRow, Model, Report};
@@ -24,13 +25,7 @@ pub fn page(report: &Report, measurement: &Measurement, models: &[&dyn Model]) -
         models.iter().zip(&report.fits).map(|(&model, fit)| FittedModel { model, fit }).collect();
     let data = &report.data;
     let title = if data.sample.trim().is_empty() { &data.file } else { &data.sample };
-    let mut out = String::from("<!DOCTYPE html>\n");
-    out.push_str(
-        "<html xmlns=\"http://www.w3.org/1999/xhtml\" lang=\"en\">\n<head>\n<meta charset=\"utf-8\" />\n",
-    );
-    out.push_str("<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\" />\n");
-    out.push_str(&format!("<title>{} – fit report</title>\n", escape(title)));
-    out.push_str(&format!("<style>\n{}</style>\n</head>\n<body>\n<main>\n", include_str!("fit_page.css")));
+    let mut out = String::new();
     head(&mut out, report, title);
     warnings(&mut out, report);
     data_table(&mut out, report);
@@ -50,12 +45,8 @@ pub fn page(report: &Report, measurement: &Measurement, models: &[&dyn Model]) -
         }
     }
     out.push_str(HOW_TO_READ);
-    out.push_str(&format!(
-        "<footer>Made by {} {}.</footer>\n</main>\n</body>\n</html>\n",
-        escape(&report.tool),
-        escape(&report.version)
-    ));
-    Ok(out)
+    out.push_str(&html::footer(&report.tool, &report.version));
+    Ok(html::document(&format!("{title} – fit report"), &out))
 }
 
 fn head(out: &mut String, report: &Report, title: &str) {

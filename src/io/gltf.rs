@@ -11,7 +11,7 @@ use serde::Deserialize;
 use serde_json::Value;
 
 pub use super::gltf_write::{write, write_unlit};
-use super::{finish, invalid};
+use super::{base64, finish, invalid};
 use crate::geometry::Mesh;
 use crate::{Error, Result};
 
@@ -186,7 +186,7 @@ fn load_buffers(root: &Root, binary: Option<&[u8]>) -> Result<Vec<Vec<u8>>> {
         }
         None => Err(invalid(FORMAT, format_args!("buffer {k} has no data"))),
         Some(uri) => match uri.strip_prefix("data:").map(|u| u.split_once(";base64,")) {
-            Some(Some((_, text))) => decode_base64(text)
+            Some(Some((_, text))) => base64::decode(text)
                 .ok_or_else(|| invalid(FORMAT, format_args!("buffer {k} is not valid base64"))),
             Some(None) => Err(invalid(FORMAT, format_args!("buffer {k} is not base64"))),
             None => {
@@ -195,29 +195,6 @@ fn load_buffers(root: &Root, binary: Option<&[u8]>) -> Result<Vec<Vec<u8>>> {
         },
     };
     root.buffers.iter().enumerate().map(load).collect()
-}
-
-/// RFC 4648, standard alphabet; padding may lack.
-fn decode_base64(text: &str) -> Option<Vec<u8>> {
-    let mut bytes = Vec::with_capacity(text.len() / 4 * 3 + 3);
-    let (mut bits, mut held) = (0u32, 0);
-    for symbol in text.trim_end_matches('=').bytes() {
-        let value = match symbol {
-            b'A'..=b'Z' => symbol - b'A',
-            b'a'..=b'z' => symbol - b'a' + 26,
-            b'0'..=b'9' => symbol - b'0' + 52,
-            b'+' => 62,
-            b'/' => 63,
-            _ => return None,
-        };
-        bits = bits << 6 | u32::from(value);
-        held += 6;
-        if held >= 8 {
-            held -= 8;
-            bytes.push((bits >> held) as u8);
-        }
-    }
-    Some(bytes)
 }
 
 /// Metres with +y up to millimetres with +z up.
@@ -420,15 +397,7 @@ mod tests {
             data.extend(v.to_le_bytes());
         }
         data.extend([0, 0, 1, 0, 2, 0, 3, 0]);
-        const ALPHABET: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-        let mut base64 = String::new();
-        for chunk in data.chunks(3) {
-            let bits = chunk.iter().fold(0u32, |v, &b| v << 8 | u32::from(b)) << (8 * (3 - chunk.len()));
-            for i in 0..4 {
-                let symbol = ALPHABET[(bits >> (18 - 6 * i)) as usize & 63] as char;
-                base64.push(if i > chunk.len() { '=' } else { symbol });
-            }
-        }
+        let base64 = base64::encode(&data);
         json!({
             "asset": { "version": "2.0" },
             "nodes": nodes,

@@ -56,5 +56,13 @@ pub use totals::MaterialTotals;
 /// The built-in default scene: `scenes/rose.toml`.
 pub const DEFAULT_SCENE: &str = include_str!("../../scenes/rose.toml");
 
+/// The thesis' scenes by their file names: ray tracing only; with light reflected between petals; with light that also passes
+/// through them.
+pub const THESIS_SCENES: [(&str, &str); 3] = [
+    ("thesis.toml", include_str!("../../scenes/thesis.toml")),
+    ("thesis_reflection.toml", include_str!("../../scenes/thesis_reflection.toml")),
+    ("thesis_transmission.toml", include_str!("../../scenes/thesis_transmission.toml")),
+];
+
 /// Name of the built-in default scene in messages.
 pub const DEFAULT_SCENE_NAME: &str = "rose.toml (built in)";

@@ -66,31 +66,10 @@ impl PetalDescription {
             let albedo = reflectance(&shading.albedo, &key.at("albedo"), assets)?;
             return key.at("albedo").name(CellPetal::lambert(cells, albedo));
         }
-        let amount = |value: f64, name: &str| {
-            key.at(name).within(value, 0.0..=MAX_UG_PER_CM2, "within 0 to 1000 ug/cm2")
-        };
-        let upper = amount(shading.anthocyanin_ug_per_cm2, "anthocyanin_ug_per_cm2")?;
-        let lower = amount(shading.anthocyanin_abaxial_ug_per_cm2, "anthocyanin_abaxial_ug_per_cm2")?;
-        let (once, twice) = (anthocyanin_transmittance(upper, 1.0), anthocyanin_transmittance(upper, 2.0));
+        let [epidermis, spongy] = self.layers(at, assets)?;
+        let lower = pigment(shading.anthocyanin_abaxial_ug_per_cm2, &key, "anthocyanin_abaxial_ug_per_cm2")?;
+        let once = anthocyanin_transmittance(shading.anthocyanin_ug_per_cm2, 1.0);
         let through_lower = anthocyanin_transmittance(lower, 1.0);
-        let layer = |d: &LayerDescription, name: &str| -> Result<Layer> {
-            let key = key.at(name);
-            let share = |d, name: &str| reflectance(d, &key.at(name), assets);
-            Ok(Layer {
-                diffuse: share(&d.diffuse, "diffuse")?,
-                specular: share(&d.specular, "specular")?,
-                exponent: key.at("exponent").within(d.exponent, 0.0..=1e5, "within 0 to 1e5")? as f32,
-                transmittance: share(&d.transmittance, "transmittance")?,
-            })
-        };
-        let colour = |s: &Spectrum, by: &Spectrum| s.zip(by, |a, b| a * b);
-        let mut epidermis = layer(&shading.epidermis, "epidermis")?;
-        let mut spongy = layer(&shading.spongy, "spongy")?;
-        epidermis.diffuse = colour(&epidermis.diffuse, &once);
-        epidermis.transmittance = colour(&epidermis.transmittance, &once);
-        spongy.diffuse = colour(&spongy.diffuse, &twice);
-        spongy.specular = colour(&spongy.specular, &twice);
-        spongy.transmittance = colour(&spongy.transmittance, &through_lower);
         let abaxial = reflectance(&shading.abaxial, &key.at("abaxial"), assets)?;
         let abaxial = colour(&abaxial, &anthocyanin_transmittance(lower, 2.0));
         let through = colour(&once, &through_lower);
@@ -110,6 +89,45 @@ impl PetalDescription {
         }
         key.under(CellPetal::with_lobes(cells, &epidermis, &spongy, abaxial, lobes))
     }
+
+    /// The epidermis and the spongy layer as they shade, in this order: what the pigment leaves of their coefficients. `at` as
+    /// in [`PetalDescription::compile`].
+    pub fn layers(&self, at: &str, assets: &dyn Assets) -> Result<[Layer; 2]> {
+        let key = if at.is_empty() { Key::new("shading") } else { Key::new(at).at("shading") };
+        let shading = &self.shading;
+        let upper = pigment(shading.anthocyanin_ug_per_cm2, &key, "anthocyanin_ug_per_cm2")?;
+        let lower = pigment(shading.anthocyanin_abaxial_ug_per_cm2, &key, "anthocyanin_abaxial_ug_per_cm2")?;
+        let (once, twice) = (anthocyanin_transmittance(upper, 1.0), anthocyanin_transmittance(upper, 2.0));
+        let through_lower = anthocyanin_transmittance(lower, 1.0);
+        let layer = |d: &LayerDescription, name: &str| -> Result<Layer> {
+            let key = key.at(name);
+            let share = |d, name: &str| reflectance(d, &key.at(name), assets);
+            Ok(Layer {
+                diffuse: share(&d.diffuse, "diffuse")?,
+                specular: share(&d.specular, "specular")?,
+                exponent: key.at("exponent").within(d.exponent, 0.0..=1e5, "within 0 to 1e5")? as f32,
+                transmittance: share(&d.transmittance, "transmittance")?,
+            })
+        };
+        let mut epidermis = layer(&shading.epidermis, "epidermis")?;
+        let mut spongy = layer(&shading.spongy, "spongy")?;
+        epidermis.diffuse = colour(&epidermis.diffuse, &once);
+        epidermis.transmittance = colour(&epidermis.transmittance, &once);
+        spongy.diffuse = colour(&spongy.diffuse, &twice);
+        spongy.specular = colour(&spongy.specular, &twice);
+        spongy.transmittance = colour(&spongy.transmittance, &through_lower);
+        Ok([epidermis, spongy])
+    }
+}
+
+/// An amount of pigment, ug/cm2, checked.
+fn pigment(value: f64, key: &Key, name: &str) -> Result<f64> {
+    key.at(name).within(value, 0.0..=MAX_UG_PER_CM2, "within 0 to 1000 ug/cm2")
+}
+
+/// What a filter leaves of a spectrum.
+fn colour(spectrum: &Spectrum, by: &Spectrum) -> Spectrum {
+    spectrum.zip(by, |a, b| a * b)
 }
 
 #[cfg(test)]
