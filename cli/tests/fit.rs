@@ -11,7 +11,7 @@ use tempfile::TempDir;
 
 /// Where the cells' factors are kept between runs of the tests.
 fn cache() -> String {
-    PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("cells").display().to_string()
+    PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("rosarium").display().to_string()
 }
 
 fn empty() -> TempDir {

@@ -26,8 +26,8 @@ pub(super) struct Effort {
 impl Effort {
     pub(super) fn new(args: &Args) -> Self {
         let of = |quick, full| if args.quick { quick } else { full };
-        let size = args.size.unwrap_or(of(300, 480));
-        let spp = args.spp.unwrap_or(of(12, 48));
+        let size = args.size.unwrap_or(of(320, 480));
+        let spp = args.spp.unwrap_or(of(16, 48));
         Self {
             size,
             small: (size / 2).max(8),

@@ -52,10 +52,10 @@ pub(crate) struct Args {
     /// Sections to make. Default: all.
     #[arg(long, value_name = "NAME,...", value_delimiter = ',', conflicts_with = "page")]
     section: Vec<sections::Name>,
-    /// Width and height of the large pictures, pixels; the small ones have half of it. Default: 480, with --quick 300.
+    /// Width and height of the large pictures, pixels; the small ones have half of it. Default: 480, with --quick 320.
     #[arg(long, value_name = "N", conflicts_with = "page", allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(8..=4096))]
     size: Option<u32>,
-    /// Samples per pixel. Default: 48, with --quick 12.
+    /// Samples per pixel. Default: 48, with --quick 16.
     #[arg(long, value_name = "N", conflicts_with = "page", allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     spp: Option<u32>,
     /// Paths of light of the synthetic table, per angle of the lamp, such as 250000 or 1e6. Default: 2e6, with --quick 5e5.

@@ -27,6 +27,9 @@ struct Measured {
 
 pub(super) fn run(args: &Args, folder: &Path, global: Global) -> Result<Outcome> {
     let effort = Effort::new(args);
+    if !(2..=1_000_000_000).contains(&effort.rays) {
+        return Err(Error::invalid("--rays", format!("{} is not within 2 to 1e9", effort.rays)));
+    }
     let measured = args.measurement.as_deref().map(read_table).transpose()?;
     fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
     Output::prepare("--output", &folder.join("index.html"), &["html"])?;

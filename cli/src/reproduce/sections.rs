@@ -70,6 +70,10 @@ fn paragraphs(text: &[&str]) -> Vec<String> {
 
 /// Petal whose parameters the synthetic table comes from.
 pub(super) const KNOWN_PETAL: &str = "thesis";
+/// Angles of the lamp of the synthetic table, degrees.
+const LAMPS: &str = "0,20,40,60,75";
+/// Its wavelengths, nm, closer where the pigment's band ends: a fitted petal is linear between them.
+const BANDS: &str = "450,500,550,575,600,625,650,700";
 /// Reports of the fits to the synthetic table.
 pub(super) const FITS: [&str; 2] = ["conventional.json", "cell_model.json"];
 /// Report of the fits to the user's table.
@@ -138,20 +142,20 @@ fn cells() -> Section {
 
 fn distribution(effort: &Effort, table: Option<&Table>) -> Section {
     let measure = format!(
-        "measure {KNOWN_PETAL} --spin --incident 0,15,30,45,60,75 --wavelengths 450,500,550,600,650 --rays {}{} \
+        "measure {KNOWN_PETAL} --spin --incident {LAMPS} --wavelengths {BANDS} --rays {}{} \
          -o synthetic.csv --plot synthetic.svg",
         effort.rays,
         seed(effort)
     );
     let flat = format!(
-        "measure {KNOWN_PETAL} -D cells.profile=flat --spin --incident 0,15,30,45,60,75 \
-         --wavelengths 450,500,550,600,650 --rays {}{} -o flat.csv --plot flat.svg",
+        "measure {KNOWN_PETAL} -D cells.profile=flat --spin --incident {LAMPS} \
+         --wavelengths {BANDS} --rays {}{} -o flat.csv --plot flat.svg",
         effort.rays,
         seed(effort)
     );
     let fit = |model: &str, name: &str| {
         format!(
-            "fit synthetic.csv --model {model} --starts 4 --intervals 0{} --report {name}.json -o {name}.toml \
+            "fit synthetic.csv --model {model} --starts 2 --intervals 0{} --report {name}.json -o {name}.toml \
              --plot {name}.svg --residuals {name}_residuals.svg",
             seed(effort)
         )
@@ -160,13 +164,13 @@ fn distribution(effort: &Effort, table: Option<&Table>) -> Section {
     let mut figures = vec![
         figure(
             "synthetic.svg",
-            "Lobes of reflected light for six angles of the lamp; they lean to the lamp",
+            "Lobes of reflected light for five angles of the lamp; they lean to the lamp",
             "What the virtual goniophotometer measures on the petal of cells. Solid lines point to the lamp: light comes back to it.",
             &measure,
         ),
         figure(
             "flat.svg",
-            "Lobes of reflected light for six angles of the lamp; they point to the mirror direction",
+            "Lobes of reflected light for five angles of the lamp; they point to the mirror direction",
             "The same layers on flat cells: the highlight goes on to the mirror direction.",
             &flat,
         ),
@@ -202,7 +206,7 @@ fn distribution(effort: &Effort, table: Option<&Table>) -> Section {
     if let Some(table) = table {
         let pool = if table.series > 1 { " --pool" } else { "" };
         let command = format!(
-            "fit {}{pool} --model lambert+phong,terado --starts 4 --intervals 0{} --report {MEASURED_FITS} \
+            "fit {}{pool} --model lambert+phong,terado --starts 2 --intervals 0{} --report {MEASURED_FITS} \
              --plot measured.svg --residuals measured_residuals.svg",
             table.file,
             seed(effort)
@@ -253,7 +257,7 @@ fn bloom(effort: &Effort) -> Section {
             "Camera straight in front of the rose, far light from the upper right front. The conventional shader puts its \
              highlights on petals that mirror the lamp. The cell model has none there; it has a whitish bloom where light or \
              view graze the petals, above all in the heart of the flower.",
-            "The middle petal is the conventional shader as it was fitted above: no highlight of a flat surface explains light that \
+            "The second picture is the conventional shader as it was fitted above: no highlight of a flat surface explains light that \
              comes back to the lamp, so the fit leaves none. It reflects about as much light as the cell model, so the last \
              picture shows where the cells send it.",
         ]),
@@ -326,7 +330,7 @@ fn light(effort: &Effort) -> Section {
             alt,
             caption,
             &format!(
-                "render scenes/{scene}.toml{elements} --exposure -0.3 {} -o light_{scene}.png",
+                "render scenes/{scene}.toml{elements} --denoise --exposure -0.3 {} -o light_{scene}.png",
                 film(effort.size, effort.spp, effort)
             ),
         )
@@ -335,17 +339,19 @@ fn light(effort: &Effort) -> Section {
         name: Name::Light,
         title: "Light among petals",
         text: paragraphs(&[
-            "Ray tracing finds the light that comes straight from the lamp, weakened by petals in its way. Radiosity adds the \
-             diffuse light that goes from petal to petal, first by reflection only, then also through the petals. Only the last \
-             picture has the red glow in the shadows.",
+            "Ray tracing alone finds the light that comes straight from the lamp; a petal in its way lets a weaker part straight \
+             through. Radiosity adds the diffuse light that goes from petal to petal: in the second picture by reflection only, \
+             from petals that let nothing through, so deep shadows stay nearly black; in the third also through the petals, \
+             which fills the shadows with red.",
+            "All three are denoised alike.",
         ]),
         notice: None,
         figures: vec![
-            one("thesis", "A red rose with dark shadows", "Ray tracing alone."),
+            one("thesis", "A red rose with sharp dark red shadows", "Ray tracing alone."),
             one(
                 "thesis_reflection",
                 "A red rose with black shadows, a little lit from within",
-                "With radiosity: reflection only, no light through petals.",
+                "With radiosity: reflection only.",
             ),
             one(
                 "thesis_transmission",
