@@ -46,7 +46,7 @@ pub(crate) struct Args {
     #[arg(long, conflicts_with = "page")]
     quick: bool,
     /// Measured table of a real petal, of any format that `convert` reads; conventional shader and cell model are fitted to it,
-    /// too.
+    /// too. `convert` makes a table with other columns' names one that says what it holds.
     #[arg(long, value_name = "FILE", conflicts_with = "page")]
     measurement: Option<PathBuf>,
     /// Sections to make. Default: all.
