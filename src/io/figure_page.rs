@@ -121,10 +121,15 @@ fn write_section(out: &mut String, section: &Section) {
 }
 
 fn write_figure(out: &mut String, figure: &Figure) {
-    let kind = if figure.picture.starts_with(b"\x89PNG") { "image/png" } else { "image/svg+xml" };
+    // Pixels fill the frame; a drawing keeps the size of its letters.
+    let (kind, class) = if figure.picture.starts_with(b"\x89PNG") {
+        ("image/png", " class=\"photo\"")
+    } else {
+        ("image/svg+xml", "")
+    };
     let commands: Vec<String> = figure.commands.iter().map(|c| escape(c)).collect();
     out.push_str(&format!(
-        "<figure>\n<img src=\"data:{kind};base64,{}\" alt=\"{}\" />\n<figcaption>{} ({})</figcaption>\n\
+        "<figure>\n<img{class} src=\"data:{kind};base64,{}\" alt=\"{}\" />\n<figcaption>{} ({})</figcaption>\n\
          <details class=\"command\"><summary>The command</summary><pre>{}</pre></details>\n</figure>\n",
         base64::encode(&figure.picture),
         escape(&figure.alt),

@@ -70,6 +70,12 @@ fn paragraphs(text: &[&str]) -> Vec<String> {
 
 /// Petal whose parameters the synthetic table comes from.
 pub(super) const KNOWN_PETAL: &str = "thesis";
+/// Said before the fits.
+const SYNTHETIC: &str = "The table that is fitted here is synthetic. The thesis' readings were not published, so a virtual \
+    goniophotometer measured the petal “thesis”, whose parameters are known. This shows that the fit finds them, not that real \
+    petals have them.";
+const ADD_YOURS: &str = " The flag --measurement FILE adds a fit to a table of your own.";
+
 /// Angles of the lamp of the synthetic table, degrees.
 const LAMPS: &str = "0,20,40,60,75";
 /// Its wavelengths, nm, closer where the pigment's band ends: a fitted petal is linear between them.
@@ -212,7 +218,7 @@ fn distribution(effort: &Effort, table: Option<&Table>) -> Section {
             seed(effort)
         );
         text.push(format!(
-            "The last two pictures and the last table are of your measurement {}{}; the others are of the synthetic table.",
+            "The last two pictures and the last table are of your measurement {}{}; all others are of a synthetic table.",
             table.name,
             if table.series > 1 { ", all its series together" } else { "" }
         ));
@@ -233,11 +239,7 @@ fn distribution(effort: &Effort, table: Option<&Table>) -> Section {
         name: Name::Distribution,
         title: "Measured and simulated distribution",
         text,
-        notice: Some(format!(
-            "The table that is fitted here is synthetic. The thesis' readings were not published, so a virtual goniophotometer \
-             measured the petal `{KNOWN_PETAL}`, whose parameters are known. This shows that the fit finds them, not that \
-             real petals have them. `--measurement FILE` adds a fit to a table of your own."
-        )),
+        notice: Some(format!("{SYNTHETIC}{}", if table.is_some() { "" } else { ADD_YOURS })),
         figures,
         columns: 1,
     }
