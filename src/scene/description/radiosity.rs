@@ -10,11 +10,11 @@ use crate::spectrum::VISIBLE_NM;
 #[serde(deny_unknown_fields, default)]
 pub struct RadiosityDescription {
     /// About how many elements at most, 1 to 5e7. Sheets that lie close together want elements as small
-    /// as the gap between them. Default 50000.
+    /// as the gap between them. Default 100000.
     pub elements: u32,
-    /// Rays from each side of an element to the others, 1 to 5e7. Default 32.
+    /// Rays from each side of an element to the others, 1 to 5e7; at least 3 are used. Default 24.
     pub rays: u32,
-    /// Samples of every light for each side of an element in the mean, 1 to 5e7. Default 64.
+    /// Samples of every light for each side of an element in the mean, 1 to 5e7. Default 48.
     pub light_samples: u32,
     /// Wavelengths at which the light is solved for, evenly over 380 to 780 nm, 2 to 401. Default 32.
     pub wavelengths: u32,
@@ -33,9 +33,9 @@ pub struct RadiosityDescription {
 impl Default for RadiosityDescription {
     fn default() -> Self {
         Self {
-            elements: 50_000,
-            rays: 32,
-            light_samples: 64,
+            elements: 100_000,
+            rays: 24,
+            light_samples: 48,
             wavelengths: 32,
             residual: 1e-5,
             max_orders: 1000,

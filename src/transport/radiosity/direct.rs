@@ -181,7 +181,7 @@ impl Lighting<'_> {
 /// The sky that looks the same all over, where it is the only light at infinity that directions are drawn to.
 pub(super) fn even_sky(scene: &Scene) -> Option<usize> {
     let far = |e: &Emitter| match e {
-        Emitter::Constant { .. } | Emitter::Image { .. } => true,
+        Emitter::Constant { .. } | Emitter::Image { .. } | Emitter::Sky(_) => true,
         Emitter::Distant { one_minus_cos, .. } => *one_minus_cos > 0.0,
         _ => false,
     };

@@ -11,8 +11,9 @@ use glam::{DVec3, Vec2, Vec3};
 use rayon::prelude::*;
 
 use super::facets::{Facets, face_normal, shares};
-use crate::geometry::{Interaction, Side};
-use crate::math::warp;
+use crate::geometry::ray::offset_origin;
+use crate::geometry::{Interaction, Ray, Side};
+use crate::math::{Frame, warp};
 use crate::scene::Scene;
 
 /// Normals a radian apart lie as far from each other as this share of the element's width.
@@ -47,6 +48,16 @@ pub(in crate::transport) struct Point {
     pub(in crate::transport) p: Vec3,
     /// Unit normal, adaxial.
     pub(in crate::transport) normal: Vec3,
+}
+
+impl Point {
+    /// A ray from side 0 (adaxial) or 1 (abaxial), distributed by the cosine.
+    pub(super) fn ray(&self, side: u32, u: Vec2) -> Ray {
+        let normal = if side == 0 { self.normal } else { -self.normal };
+        let local = warp::square_to_cosine_hemisphere(u);
+        let direction = Frame::from_normal(normal).to_world(local).normalize();
+        Ray::new(offset_origin(self.p, normal, direction), direction)
+    }
 }
 
 /// All elements of a scene.

@@ -15,7 +15,7 @@ use std::f32::consts::PI;
 
 use super::direct::DirectLight;
 use super::elements::Elements;
-use super::exchange::Exchange;
+use super::exchange::{Exchange, SETS};
 use super::solve::{Shares, total};
 use crate::geometry::Side;
 use crate::scene::{Emitter, Scene};
@@ -65,10 +65,13 @@ pub(super) fn add(
         .collect();
     for (i, light) in direct.iter_mut().enumerate() {
         let (n, c) = (i / count, i % count);
-        let sum =
-            exchange.row(n).fold(SampledSpectrum::ZERO, |sum, (m, f)| sum + glow[m as usize * count + c] * f);
-        light.add(sum, shares[i]);
+        let sum = exchange
+            .rows(n)
+            .iter()
+            .fold(SampledSpectrum::ZERO, |sum, l| sum + glow[l.node as usize * count + c] * l.factor);
+        light.add(sum * (1.0 / SETS as f32), shares[i]);
     }
     let areas: Vec<f32> = elements.list().iter().map(|e| e.area_mm2).collect();
-    total(count, &areas, |i| glow[i] * exchange.escape(i / count))
+    let escape = |n: usize| (0..SETS).map(|set| exchange.escape(n, set)).sum::<f32>() / SETS as f32;
+    total(count, &areas, |i| glow[i] * escape(i / count))
 }

@@ -1,6 +1,6 @@
 //! What can be asked of a solution: light of elements, at points, of triangles and vertices, and along a path.
 //!
-//! Model: irradiance runs linearly within an element ; what is reflected, transmitted and absorbed of it is the same
+//! Model: irradiance runs linearly within an element; what is reflected, transmitted and absorbed of it is the same
 //! share all over the element. Between wavelengths light is linear relative to the spectrum of all lights together.
 //! Source: our reading.
 
@@ -50,7 +50,7 @@ impl Radiosity {
         self.entries
     }
 
-    /// Largest relative error of a row of form factors after balancing.
+    /// The largest share by which the light of an order had to be corrected so that none is lost or made.
     pub fn imbalance(&self) -> f64 {
         self.imbalance
     }
@@ -68,11 +68,6 @@ impl Radiosity {
                 * f64::from(self.elements.list()[n / 2].area_mm2)
         };
         (0..2 * self.elements.len()).map(node).sum()
-    }
-
-    /// Irradiance of an element's side straight from the lights, at all wavelengths.
-    pub fn element_direct(&self, element: u32, side: Side) -> Vec<f32> {
-        self.spread(|c| self.direct[node(element, side) * self.chunks + c])
     }
 
     /// Values at a point of an element, at all wavelengths: irradiance as it runs within the element, the other quantities

@@ -1,58 +1,26 @@
-//! Light between the middles of the elements.
+//! What is left of the noise of direct light and of the form factors, evened out.
 //!
-//! Model: within an element the light is linear around its centre of area,
-//!
-//! ```text
-//! E(p) = E_e + l_e g_e . (p - c_e)
-//! g_e  = least squares over the neighbours n: sum w_n (E_n - E_e - g . (c_n - c_e))^2,   w = 1 / distance^2
-//! l_e  = the largest factor up to one that keeps E within the neighbours' range as far as the element reaches
-//! ```
-//!
-//! in the element's plane. Before that, the noise of direct light and of the form factors is evened out by `STEPS` steps of diffusion
-//! between neighbours, which keeps the sum of all light and leaves a linear course of it as it is. Light flows freely where two
-//! elements differ no more than their noise explains, and hardly across an edge of a shadow:
+//! Model: `STEPS` steps of diffusion between neighbours, which keep the sum of all light and leave a linear course of it as it is.
+//! Light flows freely where two elements differ no more than their noise explains, and hardly across an edge of a shadow:
 //!
 //! ```text
 //! A_e dE_e = sum over n of w_en (E_n - E_e),   w_en = w_ne = min(A_e, A_n) / (2 max(their numbers of neighbours)) a_en
 //! a_en = (v_e + v_n) / (v_e + v_n + (E_n - E_e)^2)        v: variance of an element's light
 //! ```
 //!
-//! The mean over the element stays E_e, so no light is made or lost, and a linear course of light
-//! is met exactly. Neighbours lie on the same piece of surface: light does not leak along a line
-//! where two sheets touch. Guarded by `linear_light_is_met`, `light_stays_in_its_neighbours_range`,
-//! `diffusion_keeps_the_light`, `edges_stay`. Source: limited
-//! linear reconstruction, Barth and Jespersen 1989, AIAA 89-0366; diffusion that spares edges, Perona and Malik 1990.
+//! Neighbours lie on the same piece of surface: light does not leak along a line where two sheets touch. Guarded by
+//! `diffusion_keeps_the_light`, `edges_stay`. Source: diffusion that spares edges, Perona and Malik 1990.
 
-use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 use super::direct::DirectLight;
-use super::elements::{Element, Elements};
-use crate::math::Frame;
-use crate::spectrum::{LANES, SampledSpectrum};
+use super::elements::Elements;
+use crate::spectrum::SampledSpectrum;
 
 /// Steps of diffusion.
 const STEPS: usize = 2;
 /// Differences of two elements' light count as noise up to about this many times the variance of their difference.
 const ALIKE: f32 = 1.0;
-
-/// Slopes of the light of every node, in the element's plane.
-#[derive(Debug)]
-pub(super) struct Slopes {
-    /// Per node and chunk, along the two tangents, per mm.
-    slopes: Vec<[SampledSpectrum; 2]>,
-    chunks: usize,
-}
-
-fn plane(e: &Element) -> Frame {
-    Frame::from_normal(e.normal)
-}
-
-/// `p` relative to an element's centre, in its plane, mm.
-fn offset(frame: &Frame, e: &Element, p: Vec3) -> Vec2 {
-    let d = p - e.centre;
-    Vec2::new(frame.s.dot(d), frame.t.dot(d))
-}
 
 /// What is evened out: a few kinds of light that flow together.
 pub(super) trait Light: Copy + Send + Sync {
@@ -135,140 +103,11 @@ pub(super) fn even_out<T: Light>(
     values
 }
 
-impl Slopes {
-    /// Slopes of `values`, `chunks` per node.
-    pub(super) fn new(
-        elements: &Elements,
-        neighbours: &[Vec<u32>],
-        values: &[SampledSpectrum],
-        chunks: usize,
-    ) -> Self {
-        let list = elements.list();
-        let per_element: Vec<Vec<[SampledSpectrum; 2]>> = (0..list.len())
-            .into_par_iter()
-            .with_min_len(64)
-            .map(|e| of_element(e, list, &neighbours[e], values, chunks))
-            .collect();
-        Self { slopes: per_element.into_iter().flatten().collect(), chunks }
-    }
-
-    /// Value at `p` of a node whose own value is `value`; never negative.
-    pub(super) fn at(
-        &self,
-        e: &Element,
-        node: usize,
-        chunk: usize,
-        p: Vec3,
-        value: SampledSpectrum,
-    ) -> SampledSpectrum {
-        let mut d = offset(&plane(e), e, p);
-        // Beyond the element the slope is not known.
-        let reach = reach(e);
-        if d.length() > reach {
-            d *= reach / d.length();
-        }
-        let [s, t] = self.slopes[node * self.chunks + chunk];
-        (value + s * d.x + t * d.y).map(|v| v.max(0.0))
-    }
-}
-
-/// How far from its centre an element reaches, mm.
-fn reach(e: &Element) -> f32 {
-    e.radius_mm.max((e.area_mm2 / std::f32::consts::PI).sqrt())
-}
-
-fn of_element(
-    e: usize,
-    list: &[Element],
-    neighbours: &[u32],
-    values: &[SampledSpectrum],
-    chunks: usize,
-) -> Vec<[SampledSpectrum; 2]> {
-    let own = &list[e];
-    let frame = plane(own);
-    let ways: Vec<Vec2> = neighbours.iter().map(|n| offset(&frame, own, list[*n as usize].centre)).collect();
-    // The normal equations' matrix is the same for both sides and all wavelengths.
-    let (mut xx, mut xy, mut yy) = (0.0f32, 0.0f32, 0.0f32);
-    for d in &ways {
-        let w = 1.0 / d.length_squared().max(1e-20);
-        xx += w * d.x * d.x;
-        xy += w * d.x * d.y;
-        yy += w * d.y * d.y;
-    }
-    let det = xx * yy - xy * xy;
-    // Neighbours in one line, or none, tell no slope across it.
-    let solvable = det > 1e-3 * (xx + yy) * (xx + yy);
-    let reach = reach(own);
-    let mut out = Vec::with_capacity(2 * chunks);
-    for i in 2 * e * chunks..2 * (e + 1) * chunks {
-        let (side, chunk) = ((i / chunks) % 2, i % chunks);
-        let here = values[i];
-        if !solvable {
-            out.push([SampledSpectrum::ZERO; 2]);
-            continue;
-        }
-        let (mut bx, mut by) = (SampledSpectrum::ZERO, SampledSpectrum::ZERO);
-        let (mut low, mut high) = (here, here);
-        for (n, d) in neighbours.iter().zip(&ways) {
-            let there = values[(2 * *n as usize + side) * chunks + chunk];
-            let w = 1.0 / d.length_squared().max(1e-20);
-            bx += (there - here) * (w * d.x);
-            by += (there - here) * (w * d.y);
-            low = SampledSpectrum::from_fn(|l| low[l].min(there[l]));
-            high = SampledSpectrum::from_fn(|l| high[l].max(there[l]));
-        }
-        let (mut sx, mut sy) = ((bx * yy - by * xy) * (1.0 / det), (by * xx - bx * xy) * (1.0 / det));
-        for l in 0..LANES {
-            let change = Vec2::new(sx[l], sy[l]).length() * reach;
-            let room = (high[l] - here[l]).min(here[l] - low[l]);
-            if change > room {
-                let limit = if change > 0.0 { room / change } else { 0.0 };
-                sx.0[l] *= limit;
-                sy.0[l] *= limit;
-            }
-        }
-        out.push([sx, sy]);
-    }
-    out
-}
-
 #[cfg(test)]
 mod tests {
-    use super::super::facets::Facets;
-    use super::super::neighbours::neighbours;
-    use super::super::testing::scene;
+    use super::super::elements::Element;
+    use super::super::testing::floor;
     use super::*;
-
-    fn floor() -> (Elements, Vec<Vec<u32>>) {
-        let s = scene("[shapes.f]\ntype = \"quad\"\nwidth_mm = 10\nheight_mm = 10\nmaterial = \"grey\"\n");
-        let elements = Elements::new(&s, Facets::new(&s, 200), 200);
-        let beside = neighbours(&elements);
-        (elements, beside)
-    }
-
-    #[test]
-    fn linear_light_is_met() {
-        let (elements, beside) = floor();
-        let light = |p: Vec3| SampledSpectrum::from_fn(|l| 5.0 + 0.1 * l as f32 * p.x - 0.2 * p.y);
-        let values: Vec<SampledSpectrum> =
-            elements.list().iter().flat_map(|e| [light(e.centre), light(-e.centre)]).collect();
-        let slopes = Slopes::new(&elements, &beside, &values, 1);
-        let mut seen = 0;
-        for (k, e) in elements.list().iter().enumerate() {
-            // At the rim the range of the neighbours ends before the element does.
-            if e.centre.abs().max_element() > 4.0 {
-                continue;
-            }
-            let p = e.centre + Vec3::new(0.1, 0.12, 0.0);
-            let found = slopes.at(e, 2 * k, 0, p, values[2 * k]);
-            let error = (found - light(p)).map(f32::abs).max();
-            assert!(error < 2e-3, "{error}");
-            let below = slopes.at(e, 2 * k + 1, 0, p, values[2 * k + 1]);
-            assert!((below - light(-p)).map(f32::abs).max() < 2e-3);
-            seen += 1;
-        }
-        assert!(seen > 50, "{seen}");
-    }
 
     #[test]
     fn diffusion_keeps_the_light() {
@@ -304,26 +143,5 @@ mod tests {
         };
         let (sharp, soft) = (change(1e-4), change(1e4));
         assert!(sharp < 2e-3 && soft > 0.05, "{sharp} {soft}");
-    }
-
-    #[test]
-    fn light_stays_in_its_neighbours_range() {
-        let (elements, beside) = floor();
-        // A shadow's edge.
-        let values: Vec<SampledSpectrum> = elements
-            .list()
-            .iter()
-            .flat_map(|e| [SampledSpectrum::splat(if e.centre.x > 0.3 { 3.0 } else { 0.0 }); 2])
-            .collect();
-        let slopes = Slopes::new(&elements, &beside, &values, 1);
-        for (k, e) in elements.list().iter().enumerate() {
-            for f in elements.facets_of(k as u32) {
-                assert!(elements.of_facet(*f) == k as u32);
-            }
-            for d in [Vec3::X, -Vec3::X, Vec3::Y, Vec3::new(0.5, 0.5, 0.0)] {
-                let v = slopes.at(e, 2 * k, 0, e.centre + d * reach(e), values[2 * k])[0];
-                assert!((-1e-5..=3.0 + 1e-5).contains(&v), "{v}");
-            }
-        }
     }
 }
