@@ -85,8 +85,11 @@ fn follow(scene: &Scene, solution: &Radiosity, walks: u32) -> Walks {
                     while let Some(at) = scene.intersect(&ray) {
                         let side = if at.ng.dot(ray.direction) < 0.0 { Side::Adaxial } else { Side::Abaxial };
                         let element = solution.elements().hit(&at).unwrap();
-                        let (r, t) =
-                            totals[scene.shapes[at.shape as usize].material as usize].mean(at.uv, side, 0);
+                        let (r, t) = totals[scene.shapes[at.shape as usize].material as usize].mean(
+                            scene.pigment(at.shape, at.uv),
+                            side,
+                            0,
+                        );
                         let pick = s.next_1d();
                         let towards = if side == Side::Adaxial { at.ng } else { -at.ng };
                         let leave = match pick {

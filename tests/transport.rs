@@ -51,7 +51,9 @@ impl Integrator for Walks {
             };
             let step = match material.scattering() {
                 Scattering::Bsdf(bsdf) => draw(bsdf, s),
-                Scattering::Petal(Petal::Tabulated(petal)) => draw(&petal.at(at.uv, lambda), s),
+                Scattering::Petal(Petal::Tabulated(petal)) => {
+                    draw(&petal.at(scene.pigment(at.shape, at.uv), lambda), s)
+                }
                 Scattering::Petal(Petal::Cells(petal)) => Scatter::scatter(petal, local, lambda, s),
             };
             let Some((wi, weight)) = step else { break };

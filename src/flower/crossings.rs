@@ -103,7 +103,7 @@ mod tests {
         let mut across = board(Vec3::ZERO);
         across.positions =
             across.positions.iter().map(|p| Vec3::new(0.45, p.x - 0.4, p.z * 0.3 + 0.2)).collect();
-        let organ = |kind, index, mesh| Organ { kind, index, mesh, uv_scale_mm: [1.0; 2] };
+        let organ = |kind, index, mesh| Organ { kind, index, mesh, uv_scale_mm: [1.0; 2], traits: None };
         let flower = Flower {
             organs: vec![
                 organ(OrganKind::Petal, 0, board(Vec3::ZERO)),

@@ -20,7 +20,7 @@ pub(crate) fn grow(flower: &mut Flower, d: &RoseDescription, openness: f64) {
     let claws = Room::near(petals.iter().copied(), 2.0 * d.stem.receptacle_radius_mm);
     let mut add = |kind, index, mesh: Mesh, uv_scale_mm| {
         if !mesh.triangles.is_empty() {
-            flower.organs.push(Organ { kind, index, mesh, uv_scale_mm });
+            flower.organs.push(Organ { kind, index, mesh, uv_scale_mm, traits: None });
         }
     };
     heart(d, &room, &growth, &mut add);

@@ -12,6 +12,7 @@ use crate::flower::margin::Facet;
 use crate::flower::neighbours::Neighbours;
 use crate::flower::outline::Outline;
 use crate::flower::petal::{PetalForm, PetalSurface};
+use crate::flower::petal_map::PetalTraits;
 use crate::flower::phyllotaxis::{Spiral, vary};
 use crate::flower::rose::RoseDescription;
 use crate::flower::sheet::{Sheet, Smooth, mesh};
@@ -42,7 +43,14 @@ pub fn grow(description: &RoseDescription) -> Result<Flower> {
         .map(|(form, index)| {
             let petal = PetalSurface::new(form, &bloom, &neighbours);
             let mesh = petal_mesh(&petal, form, &bloom, d.detail);
-            Organ { kind: OrganKind::Petal, index, mesh, uv_scale_mm: petal.uv_scale_mm() }
+            let traits = PetalTraits {
+                outline: form.outline.clone(),
+                veins: form.veins,
+                age: bloom.age(form.layer).min(1.0),
+                seed: form.seed,
+            };
+            let uv_scale_mm = petal.uv_scale_mm();
+            Organ { kind: OrganKind::Petal, index, mesh, uv_scale_mm, traits: Some(traits) }
         })
         .collect();
     let mut flower = Flower { organs: petals };

@@ -25,6 +25,7 @@ pub mod neighbours;
 pub mod outline;
 pub mod petal;
 pub mod petal_description;
+pub mod petal_map;
 pub mod phyllotaxis;
 pub mod prickle;
 pub mod room;
@@ -40,6 +41,7 @@ pub mod veins;
 use crate::geometry::Mesh;
 
 pub use grow::grow;
+pub use petal_map::{PetalMap, PetalTraits};
 pub use rose::RoseDescription;
 
 /// What an organ is. Materials are given per kind.
@@ -76,6 +78,8 @@ pub struct Organ {
     pub mesh: Mesh,
     /// Millimetres per unit of each texture coordinate: (across, along).
     pub uv_scale_mm: [f32; 2],
+    /// What a petal's colour may depend on beside its shape; nothing for other organs.
+    pub traits: Option<PetalTraits>,
 }
 
 /// A grown flower.

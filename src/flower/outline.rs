@@ -57,6 +57,39 @@ impl Outline {
         DVec2::new(self.half_width_mm(v) * sin / RIM_SPAN.sin(), v * self.length_mm * rim + tip - nick)
     }
 
+    /// The place (u, v) of a point of the flat petal, as if its rim had no tears. Beyond the sides u goes on as it runs
+    /// there; v is held at 0 and 1. Guarded by `the_inverse_finds_the_place`.
+    pub fn inverse(&self, p: DVec2) -> DVec2 {
+        let smooth = |v: f64| {
+            let part = p.x / self.half_width_mm(v);
+            let across = (part.clamp(-1.0, 1.0) * RIM_SPAN.sin()).asin() / RIM_SPAN;
+            (across + part - part.clamp(-1.0, 1.0), self.along_mm(across, v))
+        };
+        // y grows with v on every line of constant x, since the fan widens.
+        let (mut low, mut high) = (0.0, 1.0);
+        for _ in 0..24 {
+            let v = 0.5 * (low + high);
+            *if smooth(v).1 < p.y { &mut low } else { &mut high } = v;
+        }
+        let v = 0.5 * (low + high);
+        DVec2::new(0.5 + 0.5 * smooth(v).0, v)
+    }
+
+    /// u of a point across, in parts of the half width from -1 to 1 at its height; held at the sides.
+    pub(crate) fn across(part: f32) -> f32 {
+        const SPAN: f32 = RIM_SPAN as f32;
+        // sin(SPAN)
+        const SIN: f32 = 0.996_917_33;
+        0.5 + 0.5 * ((part.clamp(-1.0, 1.0) * SIN).asin() * (1.0 / SPAN)).clamp(-1.0, 1.0)
+    }
+
+    /// y at a place across from -1 to 1 and along, without tears, mm.
+    fn along_mm(&self, across: f64, v: f64) -> f64 {
+        let end = RIM_SPAN.cos();
+        let rim = self.widest + (1.0 - self.widest) * ((across * RIM_SPAN).cos() - end) / (1.0 - end);
+        v * self.length_mm * rim + self.tip_mm * (-(across / 0.22).powi(2)).exp() * v * v * v
+    }
+
     /// Half of the width at `v`, mm.
     pub fn half_width_mm(&self, v: f64) -> f64 {
         let belly = (FRAC_PI_2 * v.clamp(0.0, 1.0).powf(0.85)).sin();
@@ -102,6 +135,29 @@ impl Outline {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_inverse_finds_the_place() {
+        for tip_mm in [3.0, -4.0] {
+            let o = Outline {
+                length_mm: 50.0,
+                width_mm: 54.0,
+                claw_width_mm: 9.0,
+                widest: 0.6,
+                tip_mm,
+                nicks_mm: 0.0,
+                seed: 3,
+            };
+            for k in 0..400 {
+                let place = DVec2::new(f64::from(k % 20) / 19.0, f64::from(k / 20) / 19.0);
+                let found = o.inverse(o.at(place.x, place.y));
+                assert!(found.distance(place) < 1e-5, "{place} {found}");
+            }
+            // Beyond the border.
+            assert!(o.inverse(DVec2::new(0.0, 80.0)).y > 0.999 && o.inverse(DVec2::new(0.0, -5.0)).y < 1e-6);
+            assert!(o.inverse(DVec2::new(40.0, 20.0)).x > 1.0 && o.inverse(DVec2::new(-40.0, 20.0)).x < 0.0);
+        }
+    }
 
     #[test]
     fn the_flat_petal_has_no_fold() {

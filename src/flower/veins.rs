@@ -48,7 +48,7 @@ impl Veins {
         for generation in 0..=self.generations {
             let count = self.first << generation;
             let near = (u * f64::from(count)).floor() as i64;
-            let width = self.width_mm * 0.75f64.powi(generation as i32) * (1.0 - 0.55 * v);
+            let width = self.width_at_mm(generation, v);
             for k in near - 2..=near + 2 {
                 if k < 0 || k >= i64::from(count) {
                     continue;
@@ -61,18 +61,47 @@ impl Veins {
         most
     }
 
+    /// Every vein that there is at `v`: where it is and half its width, both in u, on this petal. As [`Veins::at`], for
+    /// a whole line of constant v at once.
+    pub fn across(&self, outline: &Outline, v: f64) -> Vec<(f64, f64)> {
+        let span_mm = 2.0 * outline.half_width_mm(v);
+        let mut all = Vec::new();
+        let mut parents: Vec<Option<f64>> = Vec::new();
+        for generation in 0..=self.generations {
+            let lines: Vec<Option<f64>> = (0..self.first << generation)
+                .map(|k| match generation {
+                    0 => Some(self.own(0, k)),
+                    _ => self.forked(generation, k, v, || parents[(k / 2) as usize]),
+                })
+                .collect();
+            let half = 0.5 * self.width_at_mm(generation, v) / span_mm;
+            all.extend(lines.iter().flatten().map(|&u| (u, half)));
+            parents = lines;
+        }
+        all
+    }
+
+    /// Width of the veins of a generation at `v`, mm.
+    fn width_at_mm(&self, generation: u32, v: f64) -> f64 {
+        self.width_mm * 0.75f64.powi(generation as i32) * (1.0 - 0.55 * v)
+    }
+
     /// Where vein `k` of a generation is at `v`; `None` before it has left its parent.
     fn line(&self, generation: u32, k: u32, v: f64) -> Option<f64> {
-        let own = self.own(generation, k);
-        if generation == 0 {
-            return Some(own);
+        match generation {
+            0 => Some(self.own(0, k)),
+            _ => self.forked(generation, k, v, || self.line(generation - 1, k / 2, v)),
         }
+    }
+
+    /// The same for a vein that leaves its `parent`.
+    fn forked(&self, generation: u32, k: u32, v: f64, parent: impl FnOnce() -> Option<f64>) -> Option<f64> {
         let id = (generation << 16) | k;
         let leaves = 0.62 * (1.0 - 0.6f64.powi(generation as i32)) + 0.10 * vary(self.seed, id, 21) - 0.08;
         if v < leaves {
             return None;
         }
-        let parent = self.line(generation - 1, k / 2, v)?;
+        let (own, parent) = (self.own(generation, k), parent()?);
         let t = ((v - leaves) / 0.28).min(1.0);
         Some(parent + (own - parent) * t * t * (3.0 - 2.0 * t))
     }

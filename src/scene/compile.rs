@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use glam::{Mat3, Vec3};
+use rayon::prelude::*;
 
 use super::assets::{Assets, HashedAssets};
 use super::camera::Camera;
@@ -15,6 +16,7 @@ use super::hash::Fnv128;
 use super::key::Key;
 use super::locate::nearest;
 use super::material::Material;
+use super::pattern::Pattern;
 use super::shape::{self, Shape};
 use super::tabulated::Petal;
 use super::{description, lens, light};
@@ -129,6 +131,8 @@ struct Compiler {
 
 impl Compiler {
     fn shape(&mut self, d: &ShapeDescription, key: &Key, assets: &dyn Assets) -> Result<()> {
+        let first = self.shapes.len();
+        let mut patterned = Vec::new();
         for part in shape::parts(d, key, assets)? {
             let material = match (d, part.organ) {
                 (ShapeDescription::Rose(rose), Some(kind)) => {
@@ -157,9 +161,33 @@ impl Compiler {
                 petal_id: if part.organ == Some(OrganKind::Petal) { petals + 1 } else { 0 },
                 emitter,
                 uv_scale_mm: part.uv_scale_mm,
+                petal: None,
             });
+            patterned.push(part.traits.filter(|_| self.pattern(material).is_some()));
+        }
+        let maps: Vec<_> = patterned
+            .par_iter()
+            .zip(&self.shapes[first..])
+            .map(|(traits, shape)| {
+                let (traits, pattern) = (traits.as_ref()?, self.pattern(shape.material)?);
+                Some(Arc::new(pattern.map(traits)))
+            })
+            .collect();
+        for (shape, map) in self.shapes[first..].iter_mut().zip(maps) {
+            shape.petal = map;
         }
         Ok(())
+    }
+
+    /// The pattern of a material's pigment.
+    fn pattern(&self, material: u32) -> Option<&Pattern> {
+        match &self.materials[material as usize] {
+            Material::Petal(petal) => match &**petal {
+                Petal::Tabulated(petal) => petal.pattern(),
+                Petal::Cells(_) => None,
+            },
+            _ => None,
+        }
     }
 
     fn light(&mut self, d: &description::LightDescription, key: &Key, assets: &dyn Assets) -> Result<()> {
@@ -176,6 +204,7 @@ impl Compiler {
                 petal_id: 0,
                 emitter: Some(self.emitters.len() as u32),
                 uv_scale_mm: glam::Vec2::ZERO,
+                petal: None,
             });
         }
         self.emitters.extend(compiled.emitters);

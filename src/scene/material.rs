@@ -4,11 +4,12 @@ use super::assets::Assets;
 use super::color::{reflectance, reflectance_and_transmittance};
 use super::description::MaterialDescription;
 use super::key::Key;
+use super::pattern::PigmentFactors;
 use super::tabulated::Petal;
 use crate::Result;
 use std::sync::Arc;
 
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 
 use crate::bsdf::{Bsdf, DiffuseTransmission, Lambert, LiteralPhong, Phong};
 use crate::geometry::Side;
@@ -106,25 +107,30 @@ impl Material {
         }
     }
 
-    /// Share of light from the local direction `wi` that comes through the sheet, where its texture coordinates are `uv`.
-    pub fn transmittance(&self, wi: Vec3, uv: Vec2, lambda: &SampledWavelengths) -> SampledSpectrum {
+    /// Share of light from the local direction `wi` that comes through the sheet, where its pigment is `pigment` times the tissue's.
+    pub fn transmittance(
+        &self,
+        wi: Vec3,
+        pigment: PigmentFactors,
+        lambda: &SampledWavelengths,
+    ) -> SampledSpectrum {
         match self {
             Material::Diffuse(m) => m.transmittance().sample(lambda),
-            Material::Petal(m) => m.transmittance(wi, uv, lambda),
+            Material::Petal(m) => m.transmittance(wi, pigment, lambda),
             _ => SampledSpectrum::ZERO,
         }
     }
 
     /// Colour of the surface seen from the local direction `wo`, transmitted light included: a guide for
     /// denoisers and masks, not for transport.
-    pub fn albedo(&self, wo: Vec3, uv: Vec2, lambda: &SampledWavelengths) -> SampledSpectrum {
+    pub fn albedo(&self, wo: Vec3, pigment: PigmentFactors, lambda: &SampledWavelengths) -> SampledSpectrum {
         let side = Side::of(wo);
         match self {
             Material::Lambert(m) => m.reflectance(side).sample(lambda),
             Material::Phong(m) => m.diffuse().sample(lambda) + m.specular().sample(lambda),
             Material::LiteralPhong(m) => m.diffuse().sample(lambda),
             Material::Diffuse(m) => m.reflectance(side).sample(lambda) + m.transmittance().sample(lambda),
-            Material::Petal(m) => m.albedo(wo, uv, lambda),
+            Material::Petal(m) => m.albedo(wo, pigment, lambda),
         }
     }
 }

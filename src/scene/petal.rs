@@ -132,13 +132,13 @@ fn colour(spectrum: &Spectrum, by: &Spectrum) -> Spectrum {
 
 #[cfg(test)]
 mod tests {
-    use glam::{Vec2, Vec3};
+    use glam::Vec3;
 
     use super::super::description::{SpectrumDescription, TransmissionDescription};
     use super::*;
     use crate::scene::assets::MemoryAssets;
-    use crate::scene::load;
     use crate::scene::tabulated::Petal;
+    use crate::scene::{PigmentFactors, load};
     use crate::spectrum::SampledWavelengths;
 
     #[test]
@@ -178,13 +178,13 @@ mod tests {
         let Petal::Tabulated(leaf) = d.build("", &MemoryAssets::default()).unwrap() else { panic!("tissue") };
         let lambda = SampledWavelengths::given([450.0, 550.0, 670.0, 700.0, 780.0, 500.0, 600.0, 650.0]);
         let (sin, cos) = 8f32.to_radians().sin_cos();
-        let [r, t] = leaf.at(Vec2::ZERO, &lambda).albedo(Vec3::new(sin, 0.0, cos));
+        let [r, t] = leaf.at(PigmentFactors::ONE, &lambda).albedo(Vec3::new(sin, 0.0, cos));
         for (lane, (nm, reflectance, transmittance)) in PROSPECT.into_iter().enumerate() {
             assert!((r[lane] - reflectance).abs() < 0.03, "{nm} nm: R {} {reflectance}", r[lane]);
             assert!((t[lane] - transmittance).abs() < 0.035, "{nm} nm: T {} {transmittance}", t[lane]);
         }
         // The lower side is paler.
-        let [below, _] = leaf.at(Vec2::ZERO, &lambda).albedo(Vec3::new(sin, 0.0, -cos));
+        let [below, _] = leaf.at(PigmentFactors::ONE, &lambda).albedo(Vec3::new(sin, 0.0, -cos));
         assert!(below[1] > 1.5 * r[1], "{} {}", below[1], r[1]);
     }
 

@@ -1,6 +1,7 @@
 //! Described shapes to meshes in the world.
 
 use std::collections::HashMap;
+use std::sync::Arc;
 
 use glam::{DQuat, DVec3, Vec2, Vec3};
 
@@ -8,7 +9,7 @@ use super::assets::Assets;
 use super::description::{Placement, ShapeDescription};
 use super::key::Key;
 use crate::Result;
-use crate::flower::{self, OrganKind};
+use crate::flower::{self, OrganKind, PetalMap, PetalTraits};
 use crate::geometry::Mesh;
 use crate::io;
 
@@ -29,6 +30,8 @@ pub struct Shape {
     pub petal_id: u32,
     /// Index of its light, if it glows.
     pub emitter: Option<u32>,
+    /// Its places, if it is a grown petal whose pigment has a pattern.
+    pub petal: Option<Arc<PetalMap>>,
     /// Millimetres per unit of u and of v; zero without texture coordinates.
     pub uv_scale_mm: Vec2,
 }
@@ -37,6 +40,7 @@ pub struct Shape {
 pub(super) struct Part {
     pub(super) mesh: Mesh,
     pub(super) organ: Option<OrganKind>,
+    pub(super) traits: Option<PetalTraits>,
     pub(super) uv_scale_mm: Vec2,
 }
 
@@ -49,7 +53,7 @@ pub(super) fn parts(d: &ShapeDescription, key: &Key, assets: &dyn Assets) -> Res
     let rotation = DQuat::from_rotation_z(angles.z)
         * DQuat::from_rotation_y(angles.y)
         * DQuat::from_rotation_x(angles.x);
-    let single = |mesh: Mesh, uv_scale_mm: Vec2| vec![Part { mesh, organ: None, uv_scale_mm }];
+    let single = |mesh: Mesh, uv_scale_mm: Vec2| vec![Part { mesh, organ: None, traits: None, uv_scale_mm }];
     let length = |value: f64, name: &str| key.at(name).positive(value);
     let parts = match d {
         ShapeDescription::Rose(s) => {
@@ -59,6 +63,7 @@ pub(super) fn parts(d: &ShapeDescription, key: &Key, assets: &dyn Assets) -> Res
             let part = |o: flower::Organ| Part {
                 mesh: o.mesh,
                 organ: Some(o.kind),
+                traits: o.traits,
                 uv_scale_mm: Vec2::from(o.uv_scale_mm),
             };
             flower.organs.into_iter().map(part).collect()

@@ -3,13 +3,14 @@
 //! Model of a tabulated petal: [`TabulatedBsdf`] with the pigments of both epidermes times
 //!
 //! ```text
-//! c(u, v) = (claw + (rim - claw) s(v)) t(u, v),   s(v) = v^2 (3 - 2 v)
+//! c(u, v) = (claw + (rim - claw) s(v)) t(u, v) pattern,   s(v) = v^2 (3 - 2 v)
 //! ```
 //!
 //! | symbol | key | unit | default |
 //! |---|---|---|---|
 //! | claw, rim | `petal.gradient` | pure numbers | 1 |
 //! | t | `petal.texture`, its luminance, bilinear, held beyond its border | pure number | 1 |
+//! | pattern: of each epidermis its own | `petal.pattern`, see [`super::pattern`] | pure number | 1 |
 //! | v | texture coordinate, 0 at the claw, 1 at the tip of the rim | | 0 |
 //!
 //! Guarded by `pigment_follows_gradient_and_texture`, `optics_must_be_of_the_same_shape`.
@@ -23,6 +24,8 @@ use serde::Serialize;
 use super::assets::Assets;
 use super::description::{GradientDescription, PetalDescription};
 use super::key::Key;
+use super::pattern::{Pattern, PigmentFactors};
+use crate::flower::PetalMap;
 use crate::gonio::tabulated::measured_tissue;
 use crate::gonio::{AtPigment, PetalOptics, TabulatedBsdf, WhiteMonteCarlo};
 use crate::io;
@@ -44,19 +47,24 @@ pub enum Petal {
 
 impl Petal {
     /// Share of the light from the local direction `wi` that crosses the sheet.
-    pub fn transmittance(&self, wi: Vec3, uv: Vec2, lambda: &SampledWavelengths) -> SampledSpectrum {
+    pub fn transmittance(
+        &self,
+        wi: Vec3,
+        pigment: PigmentFactors,
+        lambda: &SampledWavelengths,
+    ) -> SampledSpectrum {
         match self {
             Petal::Cells(petal) => petal.transmittance(lambda),
-            Petal::Tabulated(petal) => petal.at(uv, lambda).albedo(wi)[1],
+            Petal::Tabulated(petal) => petal.at(pigment, lambda).albedo(wi)[1],
         }
     }
 
     /// Colour seen from the local direction `wo`, transmitted light included.
-    pub fn albedo(&self, wo: Vec3, uv: Vec2, lambda: &SampledWavelengths) -> SampledSpectrum {
+    pub fn albedo(&self, wo: Vec3, pigment: PigmentFactors, lambda: &SampledWavelengths) -> SampledSpectrum {
         match self {
             Petal::Cells(petal) => petal.albedo(wo, lambda) + petal.transmittance(lambda),
             Petal::Tabulated(petal) => {
-                let [reflected, transmitted] = petal.at(uv, lambda).albedo(wo);
+                let [reflected, transmitted] = petal.at(pigment, lambda).albedo(wo);
                 reflected + transmitted
             }
         }
@@ -68,40 +76,47 @@ impl Petal {
 pub struct TabulatedPetal {
     bsdf: TabulatedBsdf,
     gradient: GradientDescription,
+    pattern: Option<Pattern>,
     texture: Option<Texture>,
 }
 
 impl TabulatedPetal {
-    /// The BSDF at a point of the petal, for the wavelengths of a path.
-    pub fn at(&self, uv: Vec2, lambda: &SampledWavelengths) -> AtPigment<'_> {
-        self.at_factor(self.pigment_factor(uv), lambda)
-    }
-
-    /// The BSDF where the pigments of both epidermes are `epidermes` times those of the tissue.
-    pub fn at_factor(&self, epidermes: f32, lambda: &SampledWavelengths) -> AtPigment<'_> {
+    /// The BSDF where the pigments of the epidermes are so many times those of the tissue, for the wavelengths of a path.
+    pub fn at(&self, pigment: PigmentFactors, lambda: &SampledWavelengths) -> AtPigment<'_> {
         let mut scale = [1.0; REGIONS];
-        scale[0] = epidermes;
-        scale[REGIONS - 1] = epidermes;
+        scale[0] = pigment.adaxial;
+        scale[REGIONS - 1] = pigment.abaxial;
         self.bsdf.at(scale, lambda)
     }
 
-    /// c: factor on the pigments of both epidermes at a point of the petal.
-    pub fn pigment_factor(&self, uv: Vec2) -> f32 {
+    /// c: factors on the pigments of the epidermes at texture coordinates, on a grown petal or on another shape.
+    pub fn pigment(&self, uv: Vec2, petal: Option<&PetalMap>) -> PigmentFactors {
         let v = uv.y.clamp(0.0, 1.0);
         let GradientDescription { claw, rim } = self.gradient;
         let gradient = claw as f32 + (rim - claw) as f32 * v * v * (3.0 - 2.0 * v);
-        gradient * self.texture.as_ref().map_or(1.0, |t| t.at(uv))
+        let factor = gradient * self.texture.as_ref().map_or(1.0, |t| t.at(uv));
+        match &self.pattern {
+            None => PigmentFactors::both(factor),
+            Some(pattern) => pattern.factors(uv, petal).times(factor),
+        }
     }
 
-    /// Smallest and largest factor anywhere.
-    pub fn pigment_range(&self) -> (f32, f32) {
+    /// Smallest and largest factor anywhere, of the upper and of the lower epidermis.
+    pub fn pigment_ranges(&self) -> [(f32, f32); 2] {
         let GradientDescription { claw, rim } = self.gradient;
         let (low, high) = (claw.min(rim) as f32, claw.max(rim) as f32);
         let texture = |pick: fn(f32, f32) -> f32| match &self.texture {
             Some(t) => t.values.iter().copied().reduce(pick).unwrap_or(1.0),
             None => 1.0,
         };
-        (low * texture(f32::min), high * texture(f32::max))
+        let (low, high) = (low * texture(f32::min), high * texture(f32::max));
+        let pattern = self.pattern.as_ref().map_or([(1.0, 1.0); 2], Pattern::ranges);
+        pattern.map(|(least, most)| (low * least, high * most))
+    }
+
+    /// The pattern, which needs to know grown petals.
+    pub fn pattern(&self) -> Option<&Pattern> {
+        self.pattern.as_ref()
     }
 
     /// The BSDF where the pigment's factor is one.
@@ -205,10 +220,16 @@ impl PetalDescription {
                 Some(key.says(assets.read(file).and_then(|bytes| Texture::read(&bytes)))?)
             }
         };
+        let pattern = self.pattern.as_ref().map(|p| Pattern::new(p, &root("pattern"))).transpose()?;
         let (optics, tissue) = self.optics(at, assets)?;
         let key = root(if self.optics.is_some() { "optics" } else { "tissue" });
         let bsdf = key.says(TabulatedBsdf::of_tissue(&optics, &tissue))?;
-        Ok(Petal::Tabulated(TabulatedPetal { bsdf, gradient: self.gradient.unwrap_or_default(), texture }))
+        Ok(Petal::Tabulated(TabulatedPetal {
+            bsdf,
+            gradient: self.gradient.unwrap_or_default(),
+            pattern,
+            texture,
+        }))
     }
 
     /// Checks what only tabulated petals have, short of reading and measuring.
@@ -217,6 +238,7 @@ impl PetalDescription {
         let given = [
             ("walks", self.walks.is_some()),
             ("gradient", self.gradient.is_some()),
+            ("pattern", self.pattern.is_some()),
             ("texture", self.texture.is_some()),
         ];
         if let Some((name, _)) = given.iter().find(|(_, given)| *given && !self.is_tabulated()) {
@@ -229,6 +251,9 @@ impl PetalDescription {
             for (name, value) in [("claw", claw), ("rim", rim)] {
                 root("gradient").at(name).within(value, 0.0..=100.0, "within 0 to 100")?;
             }
+        }
+        if let Some(pattern) = &self.pattern {
+            Pattern::new(pattern, &root("pattern"))?;
         }
         self.build_tissue(at).map(|_| ())
     }
@@ -313,7 +338,7 @@ mod tests {
         let lambda = SampledWavelengths::given([500.0, 520.0, 530.0, 540.0, 550.0, 560.0, 580.0, 700.0]);
         let (wo, wi) = (Vec3::new(0.6, 0.0, 0.8), Vec3::new(0.0, 0.28, 0.96));
         let holds = |petal: &TabulatedPetal, uv: Vec2, epidermes: f32| {
-            let found = petal.at(uv, &lambda).eval(wo, wi, &lambda);
+            let found = petal.at(petal.pigment(uv, None), &lambda).eval(wo, wi, &lambda);
             let wanted = petal.bsdf().at([epidermes, 1.0, 1.0, epidermes], &lambda).eval(wo, wi, &lambda);
             for lane in 0..8 {
                 assert!(
@@ -330,7 +355,9 @@ mod tests {
         for (v, scale) in [(0.0, 0.0), (0.25, 0.3125), (0.5, 1.0), (1.0, 2.0)] {
             holds(&graded, Vec2::new(0.4, v), scale);
         }
-        let green = |petal: &TabulatedPetal, v: f32| petal.at(Vec2::new(0.5, v), &lambda).albedo(wo)[0][3];
+        let green = |petal: &TabulatedPetal, v: f32| {
+            petal.at(petal.pigment(Vec2::new(0.5, v), None), &lambda).albedo(wo)[0][3]
+        };
         assert!(green(&graded, 0.0) > 1.5 * green(&graded, 1.0));
         let text = "optics = \"sheet.optics\"\ntexture = \"spots.png\"\ngradient = { rim = 3.0 }";
         let spotted = tabulated(text);
@@ -366,6 +393,11 @@ mod tests {
             (format!("{optics}walks = 10"), "petal.walks: 10 is not within"),
             (format!("{optics}gradient = {{ claw = -1.0 }}"), "petal.gradient.claw: -1 is not within"),
             (format!("{optics}gradient = {{ rim = nan }}"), "petal.gradient.rim: NaN is not within"),
+            ("[pattern]".to_owned(), "petal.pattern: only a petal with"),
+            (
+                format!("{optics}pattern.claw_spot.extent = 1.5"),
+                "petal.pattern.claw_spot.extent: 1.5 is not within 0.01",
+            ),
             (format!("{optics}texture = \"none.png\""), "petal.texture: "),
             (format!("{optics}texture = \"sheet.optics\""), "petal.texture: "),
             ("[tissue]".to_owned(), "petal.tissue: has no layer"),
@@ -405,7 +437,7 @@ mod tests {
         let keys = asked.0.borrow();
         assert!(keys[0] == keys[1] && keys[0] != keys[2], "{keys:?}");
         let lambda = SampledWavelengths::given([540.0; 8]);
-        let green = |p: &TabulatedPetal| p.at(Vec2::ZERO, &lambda).albedo(Vec3::Z).map(|a| a[0]);
+        let green = |p: &TabulatedPetal| p.at(PigmentFactors::ONE, &lambda).albedo(Vec3::Z).map(|a| a[0]);
         assert!(green(&pale)[0] > 1.3 * green(&red)[0] && green(&pale)[1] > 1.3 * green(&red)[1]);
         assert!((green(&pale)[0] / green(&thick)[0] - 1.0).abs() < 0.2);
     }

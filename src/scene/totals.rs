@@ -13,7 +13,7 @@
 //! | Lambert, diffuse | constants | none |
 //! | Phong, transmission lobes | [`lobe_albedo`] | 1e-3, linear between 33 cosines |
 //! | literal Phong | [`lobe_solid_angle_sr`] | same |
-//! | tabulated petal | [`AtPigment::albedo`](crate::gonio::AtPigment::albedo) at 33 factors of its pigment, linear between | 1 % of R |
+//! | tabulated petal | [`AtPigment::albedo`](crate::gonio::AtPigment::albedo) at 33 factors of its pigment, or 25 x 25 where its sides differ, linear between | 1 % of R; 2 % |
 //! | petal of cells | the parts above in closed form; what its domes send back is measured by walks | [`MaterialTotals::standard_error`] |
 //!
 //! Walks: 2048 per incidence and eight wavelengths, at 16 cosines, all azimuths together, the same random numbers at
@@ -23,29 +23,32 @@
 //! is that of the other way, what a viewer gets from white surroundings. Their hemispherical means are the same.
 //!
 //! R + T > 1 beyond rounding is an error that names the material and the wavelength.
-//! Guarded by `totals_are_the_integrals`, `totals_of_cells_are_what_they_scatter`, `totals_follow_the_pigment`,
+//! Guarded by `totals_are_the_integrals`, `totals_of_cells_are_what_they_scatter`, `totals_follow_the_pigment`, `totals_follow_both_sides`,
 //! `more_light_than_arrives_is_an_error`. Source: Nicodemus et al., NBS Monograph 160, 1977, for the terms; the tables are
 //! our reading.
 
+mod pigment;
+
 use std::sync::Arc;
 
-use glam::{UVec2, Vec2, Vec3};
+use glam::{UVec2, Vec3};
 use rayon::prelude::*;
 
 use super::compile::Scene;
 use super::material::Material;
-use super::tabulated::{Petal, TabulatedPetal};
+use super::pattern::PigmentFactors;
+use super::tabulated::Petal;
 use crate::bsdf::lobe_albedo::{lobe_albedo, lobe_solid_angle_sr};
 use crate::geometry::Side;
+use crate::gonio::AtPigment;
 use crate::math::Sampler;
 use crate::micro::shading::CellPetal;
 use crate::spectrum::{LANES, SampledSpectrum, SampledWavelengths};
 use crate::{Error, Result};
+use pigment::Variation;
 
 /// Intervals of the cosine.
 const STEPS: usize = 32;
-/// Intervals of the pigment's factor where it varies, in equal steps of its square root.
-const FACTOR_STEPS: usize = 32;
 /// Cosines at which domes are measured, in the middle of equal intervals.
 const MEASURED: usize = 16;
 /// Walks per measured cosine.
@@ -63,41 +66,9 @@ pub struct MaterialTotals {
     directional: Vec<Shares>,
     /// `[chunk][factor][side]`.
     means: Vec<Shares>,
-    /// Whose pigment's factor chooses among the tables.
-    pigment: Option<Pigment>,
+    /// What chooses among the tables.
+    pigment: Variation,
     standard_error: f32,
-}
-
-/// The factor on the pigments, and the square roots that it lies between.
-#[derive(Clone, Debug)]
-struct Pigment {
-    petal: Arc<Petal>,
-    low: f32,
-    high: f32,
-}
-
-impl Pigment {
-    /// The petal, if it is one whose pigment varies.
-    fn varying(material: &Material) -> Option<Self> {
-        let Material::Petal(petal) = material else { return None };
-        let Petal::Tabulated(tabulated) = &**petal else { return None };
-        let (low, high) = tabulated.pigment_range();
-        (high > low).then(|| Self { petal: petal.clone(), low: low.max(0.0).sqrt(), high: high.sqrt() })
-    }
-
-    fn factor(&self, node: usize) -> f32 {
-        (self.low + (self.high - self.low) * node as f32 / FACTOR_STEPS as f32).powi(2)
-    }
-
-    /// Node below the factor at `uv`, and the weight of the next one.
-    fn place(&self, uv: Vec2) -> (usize, f32) {
-        let Petal::Tabulated(petal) = &*self.petal else { return (0, 0.0) };
-        let factor = petal.pigment_factor(uv).max(0.0);
-        let x = (factor.sqrt() - self.low) / (self.high - self.low) * FACTOR_STEPS as f32;
-        let node = (x.max(0.0) as usize).min(FACTOR_STEPS - 1);
-        let (low, high) = (self.factor(node), self.factor(node + 1));
-        (node, ((factor - low) / (high - low)).clamp(0.0, 1.0))
-    }
 }
 
 fn cosine(node: usize) -> f32 {
@@ -127,8 +98,8 @@ fn mix(a: Shares, b: Shares, t: f32) -> Shares {
 impl MaterialTotals {
     /// Totals of `material` at these wavelengths. `key` names it in errors.
     pub fn new(key: &str, material: &Material, wavelengths: &[SampledWavelengths]) -> Result<Self> {
-        let pigment = Pigment::varying(material);
-        let factors = if pigment.is_some() { FACTOR_STEPS + 1 } else { 1 };
+        let pigment = Variation::of(material);
+        let factors = pigment.nodes();
         let mut standard_error = 0.0f32;
         let mut directional = Vec::with_capacity(wavelengths.len() * factors * 2 * (STEPS + 1));
         let domes = match material {
@@ -140,6 +111,13 @@ impl MaterialTotals {
         };
         for (chunk, lambda) in wavelengths.iter().enumerate() {
             for factor in 0..factors {
+                let coloured = match material {
+                    Material::Petal(petal) => match &**petal {
+                        Petal::Tabulated(petal) => Some(petal.at(pigment.factors(factor), lambda)),
+                        Petal::Cells(_) => None,
+                    },
+                    _ => None,
+                };
                 for side in [Side::Adaxial, Side::Abaxial] {
                     for node in 0..=STEPS {
                         let cos = cosine(node);
@@ -167,13 +145,9 @@ impl MaterialTotals {
                                     }
                                     [r, t]
                                 }
-                                Petal::Tabulated(petal) => {
-                                    let factor = match &pigment {
-                                        Some(p) => p.factor(factor),
-                                        None => petal.pigment_factor(Vec2::ZERO),
-                                    };
-                                    tabulated(petal, factor, side, cos, lambda)
-                                }
+                                Petal::Tabulated(_) => coloured
+                                    .as_ref()
+                                    .map_or([SampledSpectrum::ZERO; 2], |c| tabulated(c, side, cos)),
                             },
                         };
                         check(key, (side, cos), shares, lambda)?;
@@ -212,41 +186,58 @@ impl MaterialTotals {
     fn nothing(chunks: usize) -> Self {
         let black = [SampledSpectrum::ZERO; 2];
         let directional = vec![black; chunks * 2 * (STEPS + 1)];
-        Self { directional, means: vec![black; chunks * 2], pigment: None, standard_error: 0.0 }
+        Self {
+            directional,
+            means: vec![black; chunks * 2],
+            pigment: Variation::None(PigmentFactors::ONE),
+            standard_error: 0.0,
+        }
     }
 
     /// Reflected and transmitted share of light that falls on `side` at the cosine `cos` from the normal, where the
-    /// surface's texture coordinates are `uv`, at the wavelengths of a chunk.
-    pub fn at(&self, uv: Vec2, cos: f32, side: Side, chunk: usize) -> (SampledSpectrum, SampledSpectrum) {
+    /// pigment is `pigment` times the tissue's, at the wavelengths of a chunk.
+    pub fn at(
+        &self,
+        pigment: PigmentFactors,
+        cos: f32,
+        side: Side,
+        chunk: usize,
+    ) -> (SampledSpectrum, SampledSpectrum) {
         let x = cos.abs().min(1.0) * STEPS as f32;
         let node = (x as usize).min(STEPS - 1);
         let at = |factor: usize| {
             let first = self.row(chunk, factor, side) * (STEPS + 1) + node;
             mix(self.directional[first], self.directional[first + 1], x - node as f32)
         };
-        let [r, t] = self.at_pigment(uv, at);
+        let [r, t] = self.at_pigment(pigment, at);
         (r, t)
     }
 
     /// The same for light from everywhere on that side.
-    pub fn mean(&self, uv: Vec2, side: Side, chunk: usize) -> (SampledSpectrum, SampledSpectrum) {
-        let [r, t] = self.at_pigment(uv, |factor| self.means[self.row(chunk, factor, side)]);
+    pub fn mean(
+        &self,
+        pigment: PigmentFactors,
+        side: Side,
+        chunk: usize,
+    ) -> (SampledSpectrum, SampledSpectrum) {
+        let [r, t] = self.at_pigment(pigment, |factor| self.means[self.row(chunk, factor, side)]);
         (r, t)
     }
 
-    fn at_pigment(&self, uv: Vec2, at: impl Fn(usize) -> Shares) -> Shares {
-        match &self.pigment {
-            None => at(0),
-            Some(pigment) => {
-                let (node, t) = pigment.place(uv);
-                mix(at(node), at(node + 1), t)
-            }
+    fn at_pigment(&self, pigment: PigmentFactors, at: impl Fn(usize) -> Shares) -> Shares {
+        let [up, down] = self.pigment.place(pigment);
+        let row = |first: usize| match down.step {
+            0 => at(first),
+            step => mix(at(first), at(first + step), down.weight),
+        };
+        match (up.node + down.node, up.step) {
+            (first, 0) => row(first),
+            (first, step) => mix(row(first), row(first + step), up.weight),
         }
     }
 
     fn row(&self, chunk: usize, factor: usize, side: Side) -> usize {
-        let factors = if self.pigment.is_some() { FACTOR_STEPS + 1 } else { 1 };
-        (chunk * factors + factor) * 2 + side as usize
+        (chunk * self.pigment.nodes() + factor) * 2 + side as usize
     }
 
     /// Largest standard error of a measured share; zero where nothing was measured.
@@ -255,17 +246,11 @@ impl MaterialTotals {
     }
 }
 
-fn tabulated(
-    petal: &TabulatedPetal,
-    factor: f32,
-    side: Side,
-    cos: f32,
-    lambda: &SampledWavelengths,
-) -> Shares {
+fn tabulated(petal: &AtPigment, side: Side, cos: f32) -> Shares {
     let up = if side == Side::Adaxial { 1.0 } else { -1.0 };
     // A hair above the surface, whose own directions belong to no side.
     let cos = cos.max(1e-4);
-    petal.at_factor(factor, lambda).albedo(Vec3::new((1.0 - cos * cos).sqrt(), 0.0, up * cos))
+    petal.albedo(Vec3::new((1.0 - cos * cos).sqrt(), 0.0, up * cos))
 }
 
 fn check(key: &str, (side, cos): (Side, f32), [r, t]: Shares, lambda: &SampledWavelengths) -> Result<()> {

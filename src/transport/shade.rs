@@ -63,7 +63,9 @@ impl<'a> Shading<'a> {
         let model = match material.scattering() {
             Scattering::Bsdf(bsdf) => Model::Bsdf(bsdf),
             Scattering::Petal(Petal::Cells(petal)) => Model::Cells(petal),
-            Scattering::Petal(Petal::Tabulated(petal)) => Model::Tabulated(petal.at(at.uv, lambda)),
+            Scattering::Petal(Petal::Tabulated(petal)) => {
+                Model::Tabulated(petal.at(scene.pigment(at.shape, at.uv), lambda))
+            }
         };
         let footprint = match pixel {
             Some(pixel) if at.uv_scale_mm != glam::Vec2::ZERO => {

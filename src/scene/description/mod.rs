@@ -10,6 +10,7 @@ mod color;
 mod film;
 mod light;
 mod material;
+mod pattern;
 mod petal;
 mod radiosity;
 mod shape;
@@ -29,6 +30,10 @@ pub use light::{
 pub use material::{
     DiffuseMaterial, LambertMaterial, LiteralPhongMaterial, MaterialDescription, PetalMaterial,
     PhongMaterial, TissueMaterial,
+};
+pub use pattern::{
+    AgeDescription, BlotchDescription, ClawSpotDescription, CourseDescription, MarginDescription,
+    PatternDescription, VeinPigmentDescription,
 };
 pub use petal::{
     GradientDescription, LayerDescription, PetalDescription, ShadingDescription, ShadingModel,

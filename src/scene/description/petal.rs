@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::SpectrumDescription;
+use super::{PatternDescription, SpectrumDescription};
 use crate::micro::{CellDescription, TissueDescription};
 
 /// `[petal]`: the thesis' petal, whose light comes from points of its cells.
@@ -35,6 +35,9 @@ pub struct PetalDescription {
     /// Pigment that changes along the petal. Only with `tissue` or `optics`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gradient: Option<GradientDescription>,
+    /// Pattern of the pigment over each petal and from petal to petal. Only with `tissue` or `optics`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pattern: Option<PatternDescription>,
     /// Picture (PNG, JPEG, HDR, EXR) whose brightness multiplies the pigments of both epidermes; bottom row at the claw,
     /// stretched over the petal. 8-bit pictures are sRGB-encoded: 188 is one half. Only with `tissue` or `optics`.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -146,6 +149,7 @@ impl Default for PetalDescription {
             optics: None,
             walks: None,
             gradient: None,
+            pattern: None,
             texture: None,
         }
     }

@@ -1,3 +1,5 @@
+use glam::Vec2;
+
 use super::*;
 use crate::bsdf::{Bsdf, LiteralPhong, Phong, Scatter};
 use crate::math::quadrature::sphere_rule;
@@ -45,7 +47,7 @@ fn totals_are_the_integrals() {
                     sums[usize::from(wo.z * wi.z < 0.0)] +=
                         bsdf.eval(wo, wi, &lambda[1]) * (wo.z.abs() * sr as f32);
                 }
-                let (r, t) = totals.at(Vec2::ZERO, cos, side, 1);
+                let (r, t) = totals.at(PigmentFactors::ONE, cos, side, 1);
                 for lane in 0..LANES {
                     let (dr, dt) = (r[lane] - sums[0][lane], t[lane] - sums[1][lane]);
                     assert!(dr.abs() < 1e-3 && dt.abs() < 5e-5, "{cos} {side:?}: {dr} {dt}");
@@ -56,9 +58,9 @@ fn totals_are_the_integrals() {
             let mut sum = 0.0;
             for i in 0..steps {
                 let cos = (i as f32 + 0.5) / steps as f32;
-                sum += 2.0 * cos / steps as f32 * totals.at(Vec2::ZERO, cos, side, 0).0[2];
+                sum += 2.0 * cos / steps as f32 * totals.at(PigmentFactors::ONE, cos, side, 0).0[2];
             }
-            let (r, _) = totals.mean(Vec2::ZERO, side, 0);
+            let (r, _) = totals.mean(PigmentFactors::ONE, side, 0);
             assert!((r[2] - sum).abs() < 1e-4, "{} {sum}", r[2]);
         }
     }
@@ -69,7 +71,7 @@ fn totals_are_the_integrals() {
         let wo = up(cos, Side::Adaxial);
         let seen: f32 =
             rule.iter().map(|&(wi, sr)| literal.eval(wo, wi, &lambda[0])[0] * wi.z.abs() * sr as f32).sum();
-        let (r, t) = totals.at(Vec2::ZERO, cos, Side::Adaxial, 0);
+        let (r, t) = totals.at(PigmentFactors::ONE, cos, Side::Adaxial, 0);
         assert!((r[0] - seen).abs() < 2e-3 && t.is_zero(), "{} {seen}", r[0]);
     }
 }
@@ -100,7 +102,7 @@ fn totals_of_cells_are_what_they_scatter() {
                     stats[LANES + lane].push(share(false));
                 }
             }
-            let (r, t) = totals.at(Vec2::ZERO, cos, side, 0);
+            let (r, t) = totals.at(PigmentFactors::ONE, cos, side, 0);
             for lane in 0..LANES {
                 for (found, s) in [(r, &stats[lane]), (t, &stats[LANES + lane])] {
                     let error = 3.5 * s.standard_error().hypot(f64::from(totals.standard_error())) + 1e-3;
@@ -128,11 +130,11 @@ fn totals_follow_the_pigment() {
     let Petal::Tabulated(petal) = &**petal else { panic!("tables were given") };
     let mut range = (f32::INFINITY, 0.0f32);
     for v in [0.0, 0.13, 0.4, 0.55, 0.8, 1.0] {
-        let uv = Vec2::new(0.5, v);
+        let pigment = petal.pigment(Vec2::new(0.5, v), None);
         for side in [Side::Adaxial, Side::Abaxial] {
             for cos in [0.95, 0.5, 0.2] {
-                let [r, t] = petal.at(uv, &lambda[0]).albedo(up(cos, side));
-                let found = totals.at(uv, cos, side, 0);
+                let [r, t] = petal.at(pigment, &lambda[0]).albedo(up(cos, side));
+                let found = totals.at(pigment, cos, side, 0);
                 for lane in 0..LANES {
                     assert!(
                         (found.0[lane] / r[lane] - 1.0).abs() < 0.01,
@@ -152,6 +154,35 @@ fn totals_follow_the_pigment() {
         }
     }
     assert!(range.1 > 1.5 * range.0, "the pigment changes nothing: {range:?}");
+}
+
+#[test]
+fn totals_follow_both_sides() {
+    let lambda = [chunk(0.4)];
+    let scene = compiled(
+        "[petal]\noptics = \"sheet.optics\"\npattern = { adaxial = { claw = 0.2, rim = 3.0 }, abaxial = { rim = 0.0 } }\n[materials.m]\ntype = \"petal\"",
+    );
+    let totals = &MaterialTotals::of_scene(&scene, &lambda).unwrap()[0];
+    let Material::Petal(petal) = &scene.materials[0] else { panic!("a petal was given") };
+    let Petal::Tabulated(petal) = &**petal else { panic!("tables were given") };
+    for v in [0.0, 0.2, 0.4, 0.55, 0.8, 1.0] {
+        let pigment = scene.pigment(0, Vec2::new(0.5, v));
+        for side in [Side::Adaxial, Side::Abaxial] {
+            for cos in [0.95, 0.5, 0.2] {
+                let [r, t] = petal.at(pigment, &lambda[0]).albedo(up(cos, side));
+                let found = totals.at(pigment, cos, side, 0);
+                for lane in 0..LANES {
+                    let (of_r, of_t) = (found.0[lane] / r[lane] - 1.0, found.1[lane] / t[lane] - 1.0);
+                    assert!(of_r.abs() < 0.02 && of_t.abs() < 0.02, "{v} {side:?} {cos}: {of_r} {of_t}");
+                }
+            }
+        }
+    }
+    // At the rim the upper side is full of pigment, the lower one has none.
+    let rim = scene.pigment(0, Vec2::new(0.5, 1.0));
+    assert_eq!((rim.adaxial, rim.abaxial), (3.0, 0.0));
+    let green = |side| totals.mean(rim, side, 0).0[3];
+    assert!(green(Side::Abaxial) > 1.5 * green(Side::Adaxial));
 }
 
 #[test]

@@ -142,7 +142,7 @@ impl Lighting<'_> {
                     if let Some(l) = light {
                         let light = l.radiance * (cos / l.pdf_per_sr);
                         brightness += f64::from(light.mean());
-                        out[c].add(light, totals.at(e.uv, cos, side, c));
+                        out[c].add(light, totals.at(e.pigment, cos, side, c));
                     }
                 }
             };
