@@ -151,7 +151,7 @@ mod tests {
             for k in 0..400 {
                 let place = DVec2::new(f64::from(k % 20) / 19.0, f64::from(k / 20) / 19.0);
                 let found = o.inverse(o.at(place.x, place.y));
-                assert!(found.distance(place) < 1e-5, "{place} {found}");
+                assert!(found.distance(place) < 1e-4, "{place} {found}");
             }
             // Beyond the border.
             assert!(o.inverse(DVec2::new(0.0, 80.0)).y > 0.999 && o.inverse(DVec2::new(0.0, -5.0)).y < 1e-6);

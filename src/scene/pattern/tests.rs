@@ -28,12 +28,16 @@ fn files() -> MemoryAssets {
     assets
 }
 
+/// A thin tissue with the same pigment in both epidermes, measured by few walks.
 fn petal(pattern: &str) -> TabulatedPetal {
-    let text = format!("optics = \"sheet.optics\"\n[pattern]\n{pattern}");
+    let side = "\npigments = { anthocyanin_ug_per_cm2 = 10.0 }\n";
+    let text = format!(
+        "walks = 10000\n[pattern]\n{pattern}\n[tissue.adaxial]{side}[tissue.abaxial]{side}[tissue.spongy]\nthickness_um = 100.0\nscattering_per_mm = 100.0\nanisotropy = 0.5"
+    );
     let d: PetalDescription = load(&text, "petal.toml", &[]).unwrap().description;
-    match d.build("petal", &files()).unwrap() {
+    match d.build("petal", &MemoryAssets::default()).unwrap() {
         Petal::Tabulated(petal) => petal,
-        Petal::Cells(_) => panic!("tables were given"),
+        Petal::Cells(_) => panic!("a tissue was given"),
     }
 }
 
@@ -115,7 +119,7 @@ fn sides_differ_as_asked() {
     assert_eq!(at.eval(w, Vec3::Z, &lambda), wanted.eval(w, Vec3::Z, &lambda));
     // Green light that comes back from the coloured and from the pale side, and red light.
     let [green, red] = [3, 7].map(|lane| at.albedo(down)[0][lane] / at.albedo(w)[0][lane]);
-    assert!(green > 1.8 * red, "{green} {red}");
+    assert!(green > 1.5 * red, "{green} {red}");
     // What passes meets both, so that it is the same either way.
     let through = |from: Vec3, to: Vec3| at.eval(from, to, &lambda);
     assert_eq!(through(w, down), through(down, w));
