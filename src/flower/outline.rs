@@ -79,7 +79,7 @@ impl Outline {
     pub(crate) fn across(part: f32) -> f32 {
         const SPAN: f32 = RIM_SPAN as f32;
         // sin(SPAN)
-        const SIN: f32 = 0.996_917_33;
+        const SIN: f32 = 0.996_917_3;
         0.5 + 0.5 * ((part.clamp(-1.0, 1.0) * SIN).asin() * (1.0 / SPAN)).clamp(-1.0, 1.0)
     }
 
