@@ -15,6 +15,8 @@ use rosarium::scene::{DEFAULT_SCENE, MemoryAssets, Scene, SceneDescription, comp
 use rosarium::spectrum::color::luminance;
 use rosarium::transport::{Guide, GuideSettings, NoProgress, Path, RenderSettings, render};
 
+/// Samples per pixel.
+const SPP: u32 = 20;
 const GRID: u32 = 8;
 const PATCH: u32 = 6;
 const SEEDS: u64 = 48;
@@ -33,7 +35,7 @@ fn pass(scene: &Scene, path: &Path, seed: u64, pixels: &mut [Welford]) {
         let (x, y) =
             ((2 * (cell % GRID) + 1) * width / GRID / 2, (2 * (cell / GRID) + 1) * height / GRID / 2);
         let crop = PixelRect { x0: x, y0: y, x1: x + PATCH, y1: y + PATCH };
-        let settings = RenderSettings { spp: scene.render.spp, seed, crop };
+        let settings = RenderSettings { spp: SPP, seed, crop };
         let film = render(scene, path, &settings, &NoProgress).expect("spp is not 0").film;
         for (rgb, pixel) in film.beauty().into_iter().zip(&mut pixels) {
             pixel.push(f64::from(luminance(rgb)));

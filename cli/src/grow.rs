@@ -26,7 +26,7 @@ Examples:
   rosarium grow                                  rose.ply
   rosarium grow --preset wild -o wild.glb
   rosarium grow --openness 0.2 --detail final -o bud.ply
-  rosarium grow --seed 3 --check                 does any petal cross another?
+  rosarium grow --seed 3 --check                 does anything cross anything?
   rosarium grow -o rose.obj --seed 7 -D petals=24 -D petal.ruffle_mm=2")]
 pub(crate) struct Args {
     /// File to write: .ply, .obj or .glb. Repeatable. Default: rose.ply.
@@ -111,7 +111,7 @@ pub(crate) fn run(args: &Args, global: Global) -> Result<Outcome> {
             global,
             &format!("{petals} crossing pairs of triangles of petals, {} in all", report.total()),
         );
-        if petals > 0 {
+        if report.total() > 0 {
             progress::say(global, &report.to_string());
             return Ok(Outcome::CheckFailed);
         }

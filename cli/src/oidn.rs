@@ -21,7 +21,7 @@ pub(crate) const VARIABLE: &str = "OIDN_LIBRARY_PATH";
 pub(crate) const HOW_TO_GET: &str = "`pip install pyoidn` brings it: give --oidn, or set OIDN_LIBRARY_PATH to, the folder \
      oidn/lib inside that package";
 
-/// Names of the library, versions 2 and 1 and of development packages.
+/// Names of the library: version 2, as development packages link it, and version 1 where it is still about.
 #[cfg(target_os = "linux")]
 const NAMES: &[&str] = &["libOpenImageDenoise.so.2", "libOpenImageDenoise.so", "libOpenImageDenoise.so.1"];
 #[cfg(target_os = "macos")]

@@ -79,7 +79,6 @@ fn threads_and_crops_give_the_same_bytes() {
     }
 }
 
-#[cfg(unix)]
 /// Whichever denoiser this machine has: the EXR keeps the noisy light.
 #[test]
 fn denoised_pictures_keep_the_noisy_light() {
@@ -101,6 +100,7 @@ fn denoised_pictures_keep_the_noisy_light() {
     assert!(again == noisy);
 }
 
+#[cfg(unix)]
 #[test]
 fn ctrl_c_writes_what_is_there() {
     let dir = folder();

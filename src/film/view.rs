@@ -101,6 +101,9 @@ impl View {
     }
 }
 
+/// Least response of a Bradford cone, relative to the luminance, of what can be made white. Candle light, 1900 K, has 0.15.
+const LEAST_CONE: f64 = 0.05;
+
 /// Matrix on linear sRGB that makes the light of a temperature white; `tint` says by how much the light was greener than that
 /// temperature's own (in 1/3000 of CIE 1960 uv, as photographers' programs count), so that the picture becomes more magenta.
 pub fn white_balance(temperature_k: f64, tint: f64) -> Result<Mat3> {
@@ -123,6 +126,13 @@ pub fn white_balance(temperature_k: f64, tint: f64) -> Result<Mat3> {
     let observer = Observer::Cie1931;
     let cones = |xyz: DVec3| BRADFORD * xyz;
     let from = cones(DVec3::new(x / y, 1.0, (1.0 - x - y) / y));
+    // Towards the edge of all colours a cone sees next to nothing, and its gain would be noise.
+    if from.min_element() < LEAST_CONE {
+        return Err(Error::invalid(
+            "tint",
+            format!("{tint} at {temperature_k} K is too saturated to be white"),
+        ));
+    }
     let gains = cones(observer.white()) / from;
     let adapt = BRADFORD.inverse() * DMat3::from_diagonal(gains) * BRADFORD;
     Ok((observer.srgb_from_xyz() * adapt * observer.xyz_from_srgb()).as_mat3())

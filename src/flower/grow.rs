@@ -60,7 +60,9 @@ pub fn grow(description: &RoseDescription) -> Result<Flower> {
 
 fn petal_mesh(petal: &PetalSurface, form: &PetalForm, bloom: &Bloom, detail: f64) -> Mesh {
     // A petal wound tightly about the axis needs short chords.
+    // ... but no more of them than for a few turns.
     let turn = form.outline.width_mm / bloom.meridian(form.layer, 0.9 * form.outline.length_mm).r_mm;
+    let turn = turn.min(MOST_TURNS);
     let across = (ACROSS * detail).max(turn / LONGEST_CHORD * detail.max(1.0));
     let along = ALONG * detail;
     if detail <= MODELLED_DETAIL {
@@ -165,6 +167,8 @@ fn petal_form(d: &RoseDescription, bloom: &Bloom, index: u32) -> PetalForm {
 
 /// Longest chord of a mesh about the axis, radians: between the petals of a bud are tenths of a millimetre.
 const LONGEST_CHORD: f64 = 0.09;
+/// Widths of a petal beyond this angle about its axis, radians, do not make it finer: two turns.
+const MOST_TURNS: f64 = 12.6;
 /// A rim that turned further would come back to its own petal.
 const MOST_ROLLED_DEG: f64 = 160.0;
 

@@ -317,7 +317,8 @@ impl Stalk {
     /// The point at a distance from the surface of the stem.
     fn at(&self, s_mm: f64) -> StalkPoint {
         // From the stem's axis to its surface the stalk is straight.
-        let inside = self.foot_mm / self.insertion.sin();
+        // A stalk that jitter lays along the stem still starts beside it.
+        let inside = self.foot_mm / self.insertion.tan().max(0.2);
         let turn = self.arch / self.length_mm;
         let angle = self.insertion + turn * s_mm.max(0.0);
         let (out, rise) = if turn.abs() < 1e-9 {
@@ -327,10 +328,7 @@ impl Stalk {
         };
         let across = self.up.cross(self.out);
         let bow = self.sway * s_mm * s_mm / self.length_mm;
-        let at = self.start
-            + self.out * (out + inside * self.insertion.sin())
-            + self.up * (rise + inside * self.insertion.cos())
-            + across * bow;
+        let at = self.start + self.out * (out + self.foot_mm) + self.up * (rise + inside) + across * bow;
         let along = (self.out * angle.sin()
             + self.up * angle.cos()
             + across * (2.0 * self.sway * s_mm / self.length_mm))
@@ -385,7 +383,7 @@ mod tests {
         for k in 0..6 {
             assert!(((tip(k + 1) - tip(k)).rem_euclid(360.0) - 144.0).abs() < 3.0, "{k}");
         }
-        assert!((tip(6) - tip(1) + 180.0).rem_euclid(360.0) - 180.0 < 1.0);
+        assert!(((tip(6) - tip(1) + 180.0).rem_euclid(360.0) - 180.0).abs() < 1.0);
     }
 
     #[test]

@@ -215,7 +215,8 @@ impl LeafletSurface {
             return groove;
         }
         // A vein ends in every second or third notch, on the two sides in turn.
-        let teeth = f64::from(f.teeth.max(1));
+        // A margin without teeth has a vein wherever one is due.
+        let teeth = f64::from(if f.teeth == 0 { f.veins } else { f.teeth });
         let step = (teeth / f64::from(f.veins)).round().max(1.0);
         let side = if p.across < 0.0 { 0.0 } else { (0.5 * step).floor() / step };
         let vein = teeth * (p.row - TOOTHED.0) / (TOOTHED.1 - TOOTHED.0) / step + side;

@@ -210,9 +210,6 @@ impl Midline {
                     }
                 }
                 heading = high;
-                if wish > heading {
-                    heading = wish;
-                }
             }
             points.push((p, heading));
             p = ahead(heading);

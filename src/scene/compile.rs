@@ -271,7 +271,10 @@ fn view(film: &FilmDescription, camera: &Camera, seed: u64) -> Result<View> {
     let balance = match film.white_balance_k {
         None if tint == 0.0 => Mat3::IDENTITY,
         None => key.at("tint").name(white_balance(D65_K, tint))?,
-        Some(k) => key.at("white_balance_k").name(white_balance(k, tint))?,
+        Some(k) => {
+            key.at("white_balance_k").name(white_balance(k, 0.0))?;
+            key.at("tint").name(white_balance(k, tint))?
+        }
     };
     Ok(View {
         exposure_ev: exposure as f32,

@@ -55,12 +55,6 @@ impl CellPetal {
         [reflected, self.transmittance.sample(lambda)]
     }
 
-    /// Has light on this side a part with a preferred direction?
-    pub fn has_rest(&self, side: Side) -> bool {
-        let parts = self.parts(side == Side::Adaxial);
-        parts.domes + parts.spongy + parts.through > 0.0
-    }
-
     /// Unbiased estimate of S(wo, wi), 1/sr, as [`CellPetal::estimate`].
     pub fn estimate_rest(
         &self,
