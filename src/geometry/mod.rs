@@ -3,6 +3,7 @@
 pub mod ray;
 pub mod mesh;
 pub mod triangle;
+mod wide;
 pub mod crossings;
 pub mod bvh;
 pub mod interaction;
