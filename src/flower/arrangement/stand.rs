@@ -125,7 +125,9 @@ impl Stand<'_> {
         let free = match a.kind {
             ArrangementKind::Vase => {
                 let room = a.opening_radius_mm - stem_radius_mm - 1.0;
-                stem_mm.iter().all(|p| p.z > a.opening_height_mm || p.truncate().length() <= room)
+                let inside = |p: DVec3| p.truncate().length() <= room;
+                // The piece that passes the opening has both its ends within it.
+                stem_mm.windows(2).all(|w| w[1].z > a.opening_height_mm || (inside(w[0]) && inside(w[1])))
             }
             ArrangementKind::Bush => true,
         };
