@@ -138,7 +138,7 @@ macro_rules! lanewise {
             #[inline]
             fn $method(mut self, rhs: Self) -> Self {
                 for (a, b) in self.0.iter_mut().zip(rhs.0) {
-                    *a = *a $op b;
+                    *a $op b;
                 }
                 self
             }
@@ -148,14 +148,14 @@ macro_rules! lanewise {
             #[inline]
             fn $method(mut self, rhs: f32) -> Self {
                 for a in &mut self.0 {
-                    *a = *a $op rhs;
+                    *a $op rhs;
                 }
                 self
             }
         }
     )*};
 }
-lanewise!(Add add +, Sub sub -, Mul mul *, Div div /);
+lanewise!(Add add +=, Sub sub -=, Mul mul *=, Div div /=);
 
 impl Neg for SampledSpectrum {
     type Output = Self;

@@ -54,7 +54,7 @@ impl Stand<'_> {
             let mut best: Option<(f64, Seated)> = None;
             for i in 0..CANDIDATES {
                 let Some(candidate) = self.candidate(k, i) else { continue };
-                let apart = candidate.from_flowers_mm(&seated);
+                let apart = candidate.clearance_mm(&seated);
                 let better = best.as_ref().is_none_or(|(found, _)| apart > *found);
                 if apart >= 0.0 && better && candidate.is_free(&seated) {
                     best = Some((apart, candidate));
@@ -162,7 +162,7 @@ fn towards(from: DVec3, to: DVec3, angle_deg: f64) -> DVec3 {
 
 impl Seated {
     /// Distance to the nearest flower, mm; no flower is far.
-    fn from_flowers_mm(&self, seated: &[Seated]) -> f64 {
+    fn clearance_mm(&self, seated: &[Seated]) -> f64 {
         seated
             .iter()
             .map(|s| self.centre_mm.distance(s.centre_mm) - self.radius_mm - s.radius_mm - FLOWERS_APART_MM)
