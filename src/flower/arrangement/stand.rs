@@ -80,9 +80,12 @@ impl Stand<'_> {
             ArrangementKind::Vase => {
                 let r = a.opening_radius_mm;
                 let foot = radial(azimuth + TWIST_DEG.to_radians()) * (FOOT * r) + DVec3::Z * FOOT_MM;
-                let mouth = out * (MOUTH * r) + DVec3::Z * a.opening_height_mm;
-                let leaves = (mouth - foot).normalize();
                 let bend = (self.spread_deg * u1.sqrt()).clamp(0.5, MOST_BENT_DEG);
+                // What the stem bends outwards below the opening.
+                let (below, all) = (a.opening_height_mm - foot.z, a.opening_height_mm + height_mm - foot.z);
+                let aside = bend.to_radians().tan() * below * below / all;
+                let mouth = out * (MOUTH * r - aside) + DVec3::Z * a.opening_height_mm;
+                let leaves = (mouth - foot).normalize();
                 let chord = towards(leaves, out, bend);
                 (foot, leaves, chord * ((a.opening_height_mm + height_mm - foot.z) / chord.z))
             }
@@ -125,9 +128,13 @@ impl Stand<'_> {
         let free = match a.kind {
             ArrangementKind::Vase => {
                 let room = a.opening_radius_mm - stem_radius_mm - 1.0;
-                let inside = |p: DVec3| p.truncate().length() <= room;
-                // The piece that passes the opening has both its ends within it.
-                stem_mm.windows(2).all(|w| w[1].z > a.opening_height_mm || (inside(w[0]) && inside(w[1])))
+                // Down to the point where the stem passes the opening, then all the way.
+                stem_mm.windows(2).all(|w| {
+                    let part = ((a.opening_height_mm - w[1].z) / (w[0].z - w[1].z).max(1e-9)).clamp(0.0, 1.0);
+                    w[1].z > a.opening_height_mm
+                        || w.iter().all(|p| p.truncate().length() <= room || p.z > a.opening_height_mm)
+                            && w[1].lerp(w[0], part).truncate().length() <= room
+                })
             }
             ArrangementKind::Bush => true,
         };
