@@ -2,9 +2,7 @@
 
 pub mod ray;
 pub mod mesh;
-pub mod lathe;
 pub mod triangle;
-mod wide;
 pub mod crossings;
 pub mod bvh;
 pub mod interaction;
