@@ -28,7 +28,7 @@ use rosarium::transport::radiosity::facets::face_normal;
 use rosarium::transport::radiosity::{Quantity, Radiosity, RadiositySettings, solve};
 
 /// Settings of `shapes.rose.rose.detail`.
-const DETAILS: [f64; 6] = [0.19, 0.6, 1.93, 3.87, 4.3, 8.6];
+const DETAILS: [f64; 7] = [0.05, 0.1, 0.43, 1.36, 2.7, 3.05, 6.1];
 /// Patches of all petals together, as many as 797790 triangles have patches of 64.
 const PATCHES: usize = 12_000;
 /// Patches whose truth is computed.

@@ -84,7 +84,7 @@ impl Default for LeafDescription {
             teeth: 22,
             tooth_mm: 0.9,
             veins: 9,
-            relief_mm: 0.3,
+            relief_mm: 0.12,
             fold_deg: 12.0,
             wave_mm: 0.9,
             droop_deg: 28.0,

@@ -18,7 +18,7 @@
 //! | p | `widest` | - | 0.42 |
 //! | n, depth | `teeth`, `tooth_mm` | -, mm | 22, 0.9 |
 //! | arch, fold | `arch_deg`, `fold_deg` | deg | 28, 12 |
-//! | veins, relief | `veins`, `relief_mm` | -, mm | 9, 0.3 |
+//! | veins, relief | `veins`, `relief_mm` | -, mm | 9, 0.12 |
 //! | wave | `wave_mm` | mm | 0.9 |
 //!
 //! Limits: the flat blade has the length and width asked for: `a_leaflet_has_its_size_and_teeth`. The net of small

@@ -37,9 +37,11 @@ pub mod stem;
 pub mod stipule;
 pub mod tube;
 pub mod veins;
+pub mod arrangement;
 
 use crate::geometry::Mesh;
 
+pub use arrangement::ArrangementDescription;
 pub use grow::grow;
 pub use petal_map::{PetalMap, PetalTraits};
 pub use rose::RoseDescription;

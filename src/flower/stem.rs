@@ -4,12 +4,13 @@
 //! that leaves it downwards.
 //!
 //! Equation, with the depth d below the receptacle and the length L:
-//! centre(d) = (bend (d / L)^2, 0, -height - d),
+//! centre(d) = (bend (d / L)^2 cos a, bend (d / L)^2 sin a, -height - d), a = bend azimuth,
 //! radius(d) = radius (1 + 0.2 d / L) (1 + 0.13 sum over nodes exp(-((d - node) / 3 mm)^2)).
 //!
 //! | symbol | field | unit | default |
 //! |---|---|---|---|
 //! | L, bend | `length_mm`, `bend_mm` | mm | 220, 14 |
+//! | bend azimuth | `bend_azimuth_deg` | deg | 0 |
 //! | radius | `radius_mm` | mm | 2.6 |
 //! | receptacle | `receptacle_radius_mm`, `receptacle_height_mm` | mm | 6, 13 |
 //!
@@ -20,7 +21,7 @@
 
 use std::f64::consts::TAU;
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -39,6 +40,8 @@ pub struct StemDescription {
     pub radius_mm: f64,
     /// Sideways offset of the foot of the stem, mm (default 14).
     pub bend_mm: f64,
+    /// Azimuth of that offset, deg (default 0).
+    pub bend_azimuth_deg: f64,
     /// Radius of the receptacle at the rim, mm (default 6).
     pub receptacle_radius_mm: f64,
     /// Height of the receptacle, mm (default 13).
@@ -51,6 +54,7 @@ impl Default for StemDescription {
             length_mm: 220.0,
             radius_mm: 2.6,
             bend_mm: 14.0,
+            bend_azimuth_deg: 0.0,
             receptacle_radius_mm: 6.0,
             receptacle_height_mm: 13.0,
         }
@@ -67,6 +71,7 @@ impl StemDescription {
         check(at, "length_mm", self.length_mm, 1.0, 2000.0)?;
         check(at, "radius_mm", self.radius_mm, 0.1, 20.0)?;
         check(at, "bend_mm", self.bend_mm, -500.0, 500.0)?;
+        check(at, "bend_azimuth_deg", self.bend_azimuth_deg, -360.0, 360.0)?;
         check(at, "receptacle_radius_mm", self.receptacle_radius_mm, 1.0, 30.0)?;
         check(at, "receptacle_height_mm", self.receptacle_height_mm, 1.0, 60.0)
     }
@@ -114,13 +119,20 @@ impl StemAxis {
     pub fn centre_mm(&self, depth_mm: f64) -> DVec3 {
         let f = &self.form;
         let part = depth_mm / f.length_mm;
-        DVec3::new(f.bend_mm * part * part, 0.0, -f.receptacle_height_mm - depth_mm)
+        (self.aside() * (f.bend_mm * part * part)).extend(-f.receptacle_height_mm - depth_mm)
     }
 
     /// Unit vector along the stem, upwards.
     pub fn up(&self, depth_mm: f64) -> DVec3 {
         let f = &self.form;
-        DVec3::new(-2.0 * f.bend_mm * depth_mm / (f.length_mm * f.length_mm), 0.0, 1.0).normalize()
+        let slope = -2.0 * f.bend_mm * depth_mm / (f.length_mm * f.length_mm);
+        // Zero instead of minus zero where the stem does not bend.
+        (self.aside() * slope + DVec2::ZERO).extend(1.0).normalize()
+    }
+
+    /// Unit vector in which the foot lies aside.
+    fn aside(&self) -> DVec2 {
+        DVec2::from_angle(self.form.bend_azimuth_deg.to_radians())
     }
 
     /// Unit vector across the stem, at an azimuth.
@@ -215,5 +227,15 @@ mod tests {
             }
             assert!(edges.values().all(|&n| n == 0));
         }
+    }
+
+    #[test]
+    fn the_foot_lies_where_the_stem_bends_to() {
+        let d = StemDescription { bend_mm: 60.0, bend_azimuth_deg: 120.0, ..Default::default() };
+        let foot = d.axis(&[]).centre_mm(d.length_mm);
+        assert!((foot.truncate().length() - 60.0).abs() < 1e-9);
+        assert!((foot.y.atan2(foot.x).to_degrees() - 120.0).abs() < 1e-9);
+        let step = d.axis(&[]).centre_mm(99.99) - d.axis(&[]).centre_mm(100.01);
+        assert!(step.normalize().dot(d.axis(&[]).up(100.0)) > 1.0 - 1e-9);
     }
 }

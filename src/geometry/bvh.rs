@@ -1,7 +1,7 @@
 //! Bounding volume hierarchy over all triangles of a scene.
 //!
-//! Built and traversed by the `obvhs` crate (PLOC with reinsertion); the triangle test is ours
-//! ([`super::triangle`]). Triangles are copied into the order of the leaves, 64 bytes each. Their boxes are
+//! Built by the `obvhs` crate (PLOC with reinsertion) as a binary tree, made wide and traversed by us ([`mod@super::wide`]), with
+//! our triangle test ([`super::triangle`]). The boxes of triangles are
 //! widened by 1e-5 of the scene's diagonal, far more than the rounding error of the slab test for rays that
 //! start within 30 diagonals, so that the hierarchy drops no hit (`closed_mesh_has_no_leaks`,
 //! `agrees_with_brute_force`).
@@ -11,20 +11,12 @@ use std::time::Duration;
 use glam::{Vec3, Vec3A};
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
-use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::builder::build_bvh2;
-use obvhs::ray::{Ray as BvhRay, RayHit};
 
 use super::mesh::Mesh;
 use super::ray::Ray;
-use super::triangle::{ShearedRay, TriangleHit};
-
-#[derive(Clone, Copy, Debug)]
-struct Leaf {
-    corners: [Vec3A; 3],
-    shape: u32,
-    face: u32,
-}
+use super::triangle::TriangleHit;
+use super::wide::WideTree;
 
 /// Nearest hit of a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,63 +32,64 @@ pub struct Hit {
 }
 
 /// The hierarchy; immutable and shared by all threads.
+#[derive(Default)]
 pub struct Bvh {
-    tree: Bvh2,
-    leaves: Vec<Leaf>,
+    tree: WideTree,
+    /// Shape and face of each triangle of the tree.
+    faces: Vec<(u32, u32)>,
     bounds: (Vec3, Vec3),
 }
 
 impl std::fmt::Debug for Bvh {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Bvh").field("triangles", &self.leaves.len()).finish_non_exhaustive()
+        f.debug_struct("Bvh").field("triangles", &self.faces.len()).finish_non_exhaustive()
     }
 }
 
 impl Bvh {
     /// Builds over valid meshes ([`Mesh::validate`]); triangles without area are left out.
     pub fn build<'a>(meshes: impl IntoIterator<Item = &'a Mesh>) -> Self {
-        let mut leaves = Vec::new();
+        let mut corners = Vec::new();
+        let mut faces = Vec::new();
         let mut bounds = (Vec3::INFINITY, Vec3::NEG_INFINITY);
         for (shape, mesh) in meshes.into_iter().enumerate() {
             for face in 0..mesh.triangles.len() {
-                let corners = mesh.corners(face);
-                if (corners[1] - corners[0]).cross(corners[2] - corners[0]) == Vec3::ZERO {
+                let [a, b, c] = mesh.corners(face);
+                if (b - a).cross(c - a) == Vec3::ZERO {
                     continue;
                 }
-                for c in corners {
-                    bounds = (bounds.0.min(c), bounds.1.max(c));
+                for p in [a, b, c] {
+                    bounds = (bounds.0.min(p), bounds.1.max(p));
                 }
-                leaves.push(Leaf {
-                    corners: corners.map(Vec3A::from),
-                    shape: shape as u32,
-                    face: face as u32,
-                });
+                corners.push([a, b, c]);
+                faces.push((shape as u32, face as u32));
             }
         }
-        if leaves.is_empty() {
-            return Self { tree: Bvh2::zeroed(0), leaves, bounds: (Vec3::ZERO, Vec3::ZERO) };
+        if corners.is_empty() {
+            return Self::default();
         }
         let widen = Vec3A::splat((bounds.1 - bounds.0).length() * 1e-5);
-        let boxes: Vec<Aabb> = leaves
+        let boxes: Vec<Aabb> = corners
             .iter()
-            .map(|l| {
-                let [a, b, c] = l.corners;
+            .map(|corners| {
+                let [a, b, c] = corners.map(Vec3A::from);
                 Aabb::new(a.min(b).min(c) - widen, a.max(b).max(c) + widen)
             })
             .collect();
-        let tree = build_bvh2(&boxes, BvhBuildParams::medium_build(), &mut Duration::default());
-        let leaves = tree.primitive_indices.iter().map(|&i| leaves[i as usize]).collect();
-        Self { tree, leaves, bounds }
+        let binary = build_bvh2(&boxes, BvhBuildParams::medium_build(), &mut Duration::default());
+        let (tree, order) = WideTree::new(&binary, |i| corners[i as usize].map(Vec3A::from));
+        let faces = order.into_iter().map(|i| faces[i as usize]).collect();
+        Self { tree, faces, bounds }
     }
 
     /// Number of triangles.
     pub fn len(&self) -> usize {
-        self.leaves.len()
+        self.faces.len()
     }
 
     /// Is there nothing to hit?
     pub fn is_empty(&self) -> bool {
-        self.leaves.is_empty()
+        self.faces.is_empty()
     }
 
     /// Smallest and largest corner of everything.
@@ -106,38 +99,15 @@ impl Bvh {
 
     /// Nearest hit with `0 < t < ray.t_max`.
     pub fn intersect(&self, ray: &Ray) -> Option<Hit> {
-        if self.leaves.is_empty() {
-            return None;
-        }
-        let sheared = ShearedRay::new(ray);
-        let mut nearest: Option<(usize, TriangleHit)> = None;
-        let mut hit = RayHit::none();
-        self.tree.ray_traverse(bvh_ray(ray), &mut hit, |r, i| {
-            match sheared.intersect(&self.leaves[i].corners, r.tmax) {
-                Some(h) => {
-                    nearest = Some((i, h));
-                    h.t
-                }
-                None => f32::INFINITY,
-            }
-        });
-        nearest.map(|(i, h)| Hit { t: h.t, b: h.b, shape: self.leaves[i].shape, face: self.leaves[i].face })
+        let (i, TriangleHit { t, b }) = self.tree.nearest(ray)?;
+        let (shape, face) = self.faces[i];
+        Some(Hit { t, b, shape, face })
     }
 
     /// Is anything hit with `0 < t < ray.t_max`?
     pub fn occluded(&self, ray: &Ray) -> bool {
-        if self.leaves.is_empty() {
-            return false;
-        }
-        let sheared = ShearedRay::new(ray);
-        !self.tree.ray_traverse_miss(bvh_ray(ray), |r, i| {
-            sheared.intersect(&self.leaves[i].corners, r.tmax).map_or(f32::INFINITY, |h| h.t)
-        })
+        self.tree.any(ray)
     }
-}
-
-fn bvh_ray(ray: &Ray) -> BvhRay {
-    BvhRay::new(ray.origin.into(), ray.direction.into(), 0.0, ray.t_max)
 }
 
 #[cfg(test)]
@@ -147,6 +117,7 @@ mod tests {
 
     use super::*;
     use crate::geometry::ray::offset_origin;
+    use crate::geometry::triangle::ShearedRay;
     use crate::math::{Sampler, warp};
 
     /// Unit sphere of `2 n^2` quads, closed at the poles, deformed so that nothing is symmetric.
@@ -253,6 +224,29 @@ mod tests {
             let d = d.normalize();
             assert!(bvh.intersect(&Ray::new(offset_origin(at, Vec3::Z, d), d)).is_none(), "{at} {d}");
         }
+    }
+
+    #[test]
+    fn deep_trees_are_walked_to_the_end() {
+        // Triangles one behind the other, each twice as far and as large as the one before: every ray meets all boxes.
+        let mut mesh = Mesh::default();
+        for i in 0..60 {
+            let size = 1.5f32.powi(i);
+            let first = mesh.positions.len() as u32;
+            mesh.positions.extend([
+                Vec3::new(-size, -size, size),
+                Vec3::new(size, -size, size),
+                Vec3::new(0.0, size, size),
+            ]);
+            mesh.triangles.push([first, first + 1, first + 2]);
+        }
+        let bvh = Bvh::build([&mesh]);
+        let back = Ray::new(Vec3::new(0.0, 0.0, 1.5f32.powi(60)), -Vec3::Z);
+        assert_eq!(bvh.intersect(&back).unwrap().face, 59);
+        assert_eq!(bvh.intersect(&Ray::new(Vec3::ZERO, Vec3::Z)).unwrap().face, 0);
+        let after = Ray::new(Vec3::new(0.0, 0.0, 1.2), Vec3::Z);
+        assert_eq!(bvh.intersect(&after).unwrap().face, 1);
+        assert!(bvh.occluded(&after) && !bvh.occluded(&Ray { t_max: 0.2, ..after }));
     }
 
     #[test]

@@ -2,7 +2,9 @@
 
 pub mod ray;
 pub mod mesh;
+pub mod lathe;
 pub mod triangle;
+mod wide;
 pub mod crossings;
 pub mod bvh;
 pub mod interaction;

@@ -17,6 +17,37 @@ pub struct ShearedRay {
     direction: Vec3A,
     /// To coordinates where the ray is the +z axis and z its distance.
     shear: Mat3A,
+    /// Which axes become x, y and z, and how much of the third is added to, or is, each.
+    axes: [usize; 3],
+    slopes: [f32; 3],
+}
+
+/// Triangles that are tested at a time.
+pub const WIDTH: usize = 8;
+
+/// Triangles side by side: `[corner][axis][triangle]`; not a number where there is none.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(32))]
+pub struct Packet(pub [[[f32; WIDTH]; 3]; 3]);
+
+impl Packet {
+    /// At most [`WIDTH`] triangles; the others are left out.
+    pub fn new(triangles: impl IntoIterator<Item = [Vec3A; 3]>) -> Self {
+        let mut out = [[[f32::NAN; WIDTH]; 3]; 3];
+        for (lane, corners) in triangles.into_iter().take(WIDTH).enumerate() {
+            for (to, corner) in out.iter_mut().zip(corners) {
+                for (to, from) in to.iter_mut().zip(corner.to_array()) {
+                    to[lane] = from;
+                }
+            }
+        }
+        Self(out)
+    }
+
+    #[inline(always)]
+    fn triangle(&self, lane: usize) -> [Vec3A; 3] {
+        self.0.map(|corner| Vec3A::new(corner[0][lane], corner[1][lane], corner[2][lane]))
+    }
 }
 
 /// Distance and barycentric coordinates of a hit: `p = b0 p0 + b1 p1 + b2 p2`.
@@ -41,9 +72,49 @@ impl ShearedRay {
         let mut columns = [Vec3A::ZERO; 3];
         columns[x].x = 1.0;
         columns[y].y = 1.0;
-        columns[z] = Vec3A::new(-d[x] / d[z], -d[y] / d[z], 1.0 / d[z]);
+        let slopes = [-d[x] / d[z], -d[y] / d[z], 1.0 / d[z]];
+        columns[z] = slopes.into();
         let shear = Mat3A::from_cols(columns[0], columns[1], columns[2]);
-        Self { origin: ray.origin.into(), direction: d.into(), shear }
+        Self { origin: ray.origin.into(), direction: d.into(), shear, axes: [x, y, z], slopes }
+    }
+
+    /// Nearest hit with `0 < t < t_max` of the triangles of a packet, and which one. The same arithmetic as that of one triangle
+    /// finds those whose edges the ray may pass between; they are few, and tested one by one.
+    #[inline(always)]
+    pub fn intersect_packet(&self, packet: &Packet, t_max: f32) -> Option<(usize, TriangleHit)> {
+        let origin = self.origin.to_array();
+        let ([x, y, z], [slope_x, slope_y, _]) = (self.axes, self.slopes);
+        let mut sheared = [[[0.0f32; WIDTH]; 2]; 3];
+        for (to, corner) in sheared.iter_mut().zip(&packet.0) {
+            for lane in 0..WIDTH {
+                let along = corner[z][lane] - origin[z];
+                to[0][lane] = (corner[x][lane] - origin[x]) + slope_x * along;
+                to[1][lane] = (corner[y][lane] - origin[y]) + slope_y * along;
+            }
+        }
+        let [a, b, c] = &sheared;
+        let mut between = [false; WIDTH];
+        for lane in 0..WIDTH {
+            let u = c[0][lane] * b[1][lane] - c[1][lane] * b[0][lane];
+            let v = a[0][lane] * c[1][lane] - a[1][lane] * c[0][lane];
+            let w = b[0][lane] * a[1][lane] - b[1][lane] * a[0][lane];
+            // An edge of exactly zero is to be looked at again, whatever the others are.
+            let zero = (u == 0.0) | (v == 0.0) | (w == 0.0);
+            let front = (u > 0.0) & (v > 0.0) & (w > 0.0);
+            let back = (u < 0.0) & (v < 0.0) & (w < 0.0);
+            between[lane] = zero | front | back;
+        }
+        let mut nearest: Option<(usize, TriangleHit)> = None;
+        if between == [false; WIDTH] {
+            return nearest;
+        }
+        for lane in (0..WIDTH).filter(|lane| between[*lane]) {
+            let t_max = nearest.map_or(t_max, |n| n.1.t);
+            if let Some(hit) = self.intersect(&packet.triangle(lane), t_max) {
+                nearest = Some((lane, hit));
+            }
+        }
+        nearest
     }
 
     /// Nearest hit with `0 < t < t_max`, from either side.

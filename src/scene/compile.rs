@@ -134,10 +134,8 @@ impl Compiler {
         let first = self.shapes.len();
         let mut patterned = Vec::new();
         for part in shape::parts(d, key, assets)? {
-            let material = match (d, part.organ) {
-                (ShapeDescription::Rose(rose), Some(kind)) => {
-                    self.organ_material(&rose.materials, kind, key, assets)?
-                }
+            let material = match (d.organs(), part.organ) {
+                (Some(names), Some(kind)) => self.organ_material(names, kind, key, assets)?,
                 _ => {
                     let name = d.surface().map_or("", |(material, _)| material);
                     self.material(name, &key.at("material"))?

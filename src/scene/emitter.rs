@@ -156,6 +156,21 @@ pub struct LightSample {
     pub delta: bool,
 }
 
+/// A direction towards a light, whatever the wavelengths.
+#[derive(Clone, Copy, Debug)]
+pub struct LightWay {
+    /// As [`LightSample::wi`].
+    pub wi: Vec3,
+    /// As [`LightSample::distance_mm`].
+    pub distance_mm: f32,
+    /// Factor on the light's own spectrum: 1, and for a point light 1 / distance^2, 1/mm2.
+    pub factor: f32,
+    /// As [`LightSample::pdf_per_sr`].
+    pub pdf_per_sr: f32,
+    /// As [`LightSample::delta`].
+    pub delta: bool,
+}
+
 /// Scenes with more lights than this draw one of them where the camera looks, too.
 pub const MAX_EACH: usize = 8;
 
@@ -217,11 +232,12 @@ impl Lights {
 
     /// Draws a direction from `p` towards a light. `None` where the chosen light sends nothing to `p`.
     pub fn sample(&self, p: Vec3, u_pick: f32, u: Vec2, lambda: &SampledWavelengths) -> Option<LightSample> {
-        if self.emitters.is_empty() {
-            return None;
-        }
-        let (i, _) = search(&self.cumulative, u_pick);
-        self.sample_light(i, Drawing::One, p, u, lambda)
+        self.sample_light(self.pick(u_pick)?, Drawing::One, p, u, lambda)
+    }
+
+    /// Picks one light; there is none in the dark.
+    pub fn pick(&self, u_pick: f32) -> Option<usize> {
+        (!self.emitters.is_empty()).then(|| search(&self.cumulative, u_pick).0)
     }
 
     /// Draws a direction from `p` towards light `i`, which is drawn as `drawing` says.
@@ -233,38 +249,37 @@ impl Lights {
         u: Vec2,
         lambda: &SampledWavelengths,
     ) -> Option<LightSample> {
+        let way = self.way(i, drawing, p, u)?;
+        let radiance = self.arriving(i, &way, lambda);
+        let LightWay { wi, distance_mm, pdf_per_sr, delta, .. } = way;
+        (!radiance.is_zero()).then_some(LightSample { wi, distance_mm, radiance, pdf_per_sr, delta })
+    }
+
+    /// The direction alone, which is the same at all wavelengths.
+    pub fn way(&self, i: usize, drawing: Drawing, p: Vec3, u: Vec2) -> Option<LightWay> {
         let pick = self.share(i, drawing);
-        let far = |wi: Vec3| LightSample {
+        let far = |wi: Vec3| LightWay {
             wi,
             distance_mm: f32::INFINITY,
-            radiance: self.environment(wi, lambda),
+            factor: 1.0,
             pdf_per_sr: self.pdf_environment(wi, drawing),
             delta: false,
         };
-        let sample = match &self.emitters[i] {
+        let way = match &self.emitters[i] {
             Emitter::Constant { .. } => far(warp::square_to_sphere(u)),
             Emitter::Image { image, .. } => far(image.sample(u)?.0),
             Emitter::Sky(sky) => far(sky.sample(u)?.0),
-            Emitter::Distant { frame, one_minus_cos, value } if *one_minus_cos == 0.0 => LightSample {
-                wi: frame.n,
-                distance_mm: f32::INFINITY,
-                radiance: value.sample(lambda),
-                pdf_per_sr: pick,
-                delta: true,
-            },
+            Emitter::Distant { frame, one_minus_cos, .. } if *one_minus_cos == 0.0 => {
+                LightWay { pdf_per_sr: pick, delta: true, ..far(frame.n) }
+            }
             Emitter::Distant { frame, one_minus_cos, .. } => {
                 far(frame.to_world(warp::square_to_cone(u, *one_minus_cos)))
             }
-            Emitter::Point { position, intensity } => {
+            Emitter::Point { position, .. } => {
                 let d = *position - p;
                 let distance_mm = d.length();
-                LightSample {
-                    wi: d / distance_mm,
-                    distance_mm,
-                    radiance: intensity.sample(lambda) / d.length_squared(),
-                    pdf_per_sr: pick,
-                    delta: true,
-                }
+                let factor = 1.0 / d.length_squared();
+                LightWay { wi: d / distance_mm, distance_mm, factor, pdf_per_sr: pick, delta: true }
             }
             Emitter::Area(area) => {
                 let (on, ng) = area.sample(u);
@@ -274,17 +289,30 @@ impl Lights {
                 if !area.glows(ng, -wi) {
                     return None;
                 }
-                LightSample {
-                    wi,
-                    distance_mm,
-                    radiance: area.radiance.sample(lambda),
-                    pdf_per_sr: pick * area.pdf(p, on, ng),
-                    delta: false,
-                }
+                let pdf_per_sr = pick * area.pdf(p, on, ng);
+                LightWay { wi, distance_mm, factor: 1.0, pdf_per_sr, delta: false }
             }
         };
-        (sample.pdf_per_sr > 0.0 && sample.pdf_per_sr.is_finite() && !sample.radiance.is_zero())
-            .then_some(sample)
+        (way.pdf_per_sr > 0.0 && way.pdf_per_sr.is_finite()).then_some(way)
+    }
+
+    /// What arrives on a way to light `i`: see [`LightSample::radiance`].
+    pub fn arriving(&self, i: usize, way: &LightWay, lambda: &SampledWavelengths) -> SampledSpectrum {
+        match self.spectrum(i) {
+            Some(spectrum) => spectrum.sample(lambda) * way.factor,
+            None => self.environment(way.wi, lambda),
+        }
+    }
+
+    /// The spectrum of light `i`, of which every way brings [`LightWay::factor`] times as much; none where light comes from
+    /// infinity in a range of directions, each with its own, where several lights add up.
+    pub fn spectrum(&self, i: usize) -> Option<&Spectrum> {
+        match &self.emitters[i] {
+            Emitter::Distant { one_minus_cos, value, .. } if *one_minus_cos == 0.0 => Some(value),
+            Emitter::Point { intensity, .. } => Some(intensity),
+            Emitter::Area(area) => Some(&area.radiance),
+            _ => None,
+        }
     }
 
     /// Radiance from beyond everything, in the unit direction `w` away from the scene.

@@ -46,7 +46,7 @@ pub use assets::{Assets, DiskAssets, MeasureOptics, MemoryAssets};
 pub use camera::{Camera, CameraRay};
 pub use compile::{Scene, compile};
 pub use description::{SceneDescription, schema};
-pub use emitter::{Drawing, Emitter, LightSample, Lights, MAX_EACH};
+pub use emitter::{Drawing, Emitter, LightSample, LightWay, Lights, MAX_EACH};
 pub use load::{Loaded, Override, load};
 pub use locate::Source;
 pub use material::{Material, Scattering};

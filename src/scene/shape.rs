@@ -11,6 +11,7 @@ use super::key::Key;
 use crate::Result;
 use crate::flower::{self, OrganKind, PetalMap, PetalTraits};
 use crate::geometry::Mesh;
+use crate::geometry::lathe::lathe;
 use crate::io;
 
 /// A mesh of the scene with what it is.
@@ -60,13 +61,15 @@ pub(super) fn parts(d: &ShapeDescription, key: &Key, assets: &dyn Assets) -> Res
             let key = key.at("rose");
             s.rose.validate(&key.to_string())?;
             let flower = key.says(flower::grow(&s.rose))?;
-            let part = |o: flower::Organ| Part {
-                mesh: o.mesh,
-                organ: Some(o.kind),
-                traits: o.traits,
-                uv_scale_mm: Vec2::from(o.uv_scale_mm),
-            };
-            flower.organs.into_iter().map(part).collect()
+            flower.organs.into_iter().map(organ).collect()
+        }
+        ShapeDescription::Arrangement(s) => {
+            let rose = s.rose().map_err(|what| key.at("rose").invalid(what))?;
+            rose.validate(&key.at("rose").to_string())?;
+            let arrangement = s.arrangement();
+            arrangement.validate(&key.to_string())?;
+            let flowers = key.name(arrangement.grow(&rose))?;
+            flowers.into_iter().flat_map(|f| f.organs).map(organ).collect()
         }
         ShapeDescription::Mesh(s) => {
             let key = key.at("file");
@@ -83,6 +86,10 @@ pub(super) fn parts(d: &ShapeDescription, key: &Key, assets: &dyn Assets) -> Res
             let radius = length(s.radius_mm, "radius_mm")?;
             single(disc(radius), Vec2::splat(2.0 * radius as f32))
         }
+        ShapeDescription::Lathe(s) => {
+            // Its radius differs along the profile, and with it how long a unit of u is.
+            single(key.under(lathe(&s.profile_mm, s.segments, s.smooth))?, Vec2::ZERO)
+        }
         ShapeDescription::Sphere(s) => {
             let subdivisions = key.at("subdivisions").within(s.subdivisions, 0..=7, "within 0 to 7")?;
             single(sphere(length(s.radius_mm, "radius_mm")?, subdivisions), Vec2::ZERO)
@@ -94,6 +101,11 @@ pub(super) fn parts(d: &ShapeDescription, key: &Key, assets: &dyn Assets) -> Res
         .into_iter()
         .map(|p| Part { mesh: place(p.mesh, point, vector), uv_scale_mm: p.uv_scale_mm * scale as f32, ..p })
         .collect())
+}
+
+fn organ(o: flower::Organ) -> Part {
+    let uv_scale_mm = Vec2::from(o.uv_scale_mm);
+    Part { mesh: o.mesh, organ: Some(o.kind), traits: o.traits, uv_scale_mm }
 }
 
 /// Moves a mesh; `vector` turns its normals.
@@ -232,5 +244,50 @@ mod tests {
         assert!((n - Vec3::X).length() < 1e-6, "{n}");
         assert!(parts[0].mesh.positions.iter().all(|p| (p.z - 5.0).abs() < 2.0 + 1e-5));
         assert_eq!(parts[0].uv_scale_mm, Vec2::new(2.0, 4.0));
+    }
+
+    fn made(text: &str) -> Result<Vec<Part>> {
+        let d: ShapeDescription = toml::from_str(text).unwrap();
+        parts(&d, &Key::new("shapes.s"), &super::super::assets::MemoryAssets::default())
+    }
+
+    #[test]
+    fn a_lathe_stands_in_its_place() {
+        let text = r#"type = "lathe"
+            profile_mm = [[0, 0], [20, 0], [30, 50]]
+            material = "m"
+            position_mm = [0, 0, 7]"#;
+        let (low, high) = made(text).unwrap()[0].mesh.bounds();
+        assert!((low.z - 7.0).abs() < 3.0 && (high.z - 57.0).abs() < 1e-4, "{low} {high}");
+        for (old, new, key) in
+            [("30, 50", "-30, 50", "profile_mm"), ("\"m\"", "\"m\"\nsegments = 1", "segments")]
+        {
+            let e = made(&text.replace(old, new)).err().expect("refused");
+            assert!(e.to_string().starts_with(&format!("shapes.s.{key}:")), "{e}");
+        }
+    }
+
+    #[test]
+    fn an_arrangement_becomes_organs_of_several_roses() {
+        let text = r#"type = "arrangement"
+            count = 2
+            openness = [0.4, 0.8]
+            rose = { detail = 0.2, petals = 5, leaves = { count = 1 } }
+            scale = 2"#;
+        let parts = made(text).unwrap();
+        let count = |kind| parts.iter().filter(|p| p.organ == Some(kind)).count();
+        assert_eq!(count(flower::OrganKind::Petal), 10);
+        assert_eq!(count(flower::OrganKind::Receptacle), 2);
+        let foot = parts.iter().map(|p| p.mesh.bounds().0.z).fold(f32::INFINITY, f32::min);
+        assert!(foot > 0.0 && foot < 40.0, "{foot}");
+        for (old, new, key) in [
+            ("0.4", "nan", "openness"),
+            ("petals = 5", "petals = 0", "rose.petals"),
+            ("petals = 5", "petal = 5", "rose"),
+            ("count = 2", "count = 0", "count"),
+        ] {
+            let e = made(&text.replacen(old, new, 1)).err().expect("refused");
+            assert!(e.to_string().starts_with(&format!("shapes.s.{key}")), "{e}");
+        }
     }
 }

@@ -49,6 +49,8 @@ use pigment::Variation;
 
 /// Intervals of the cosine.
 const STEPS: usize = 32;
+/// Cosines of the tables, 0 to 1.
+pub const COSINES: usize = STEPS + 1;
 /// Cosines at which domes are measured, in the middle of equal intervals.
 const MEASURED: usize = 16;
 /// Walks per measured cosine.
@@ -95,13 +97,27 @@ fn mix(a: Shares, b: Shares, t: f32) -> Shares {
     [a[0] + (b[0] - a[0]) * t, a[1] + (b[1] - a[1]) * t]
 }
 
+/// The cosine's interval and how far it is in it, 0 to 1.
+fn place(cos: f32) -> (usize, f32) {
+    let x = cos.abs().min(1.0) * STEPS as f32;
+    let node = (x as usize).min(STEPS - 1);
+    (node, x - node as f32)
+}
+
+/// Adds light that falls at a cosine to what there is at the cosines of the tables, for [`MaterialTotals::of_light`].
+pub fn spread(weights: &mut [f32; COSINES], cos: f32, light: f32) {
+    let (node, t) = place(cos);
+    weights[node] += light * (1.0 - t);
+    weights[node + 1] += light * t;
+}
+
 impl MaterialTotals {
     /// Totals of `material` at these wavelengths. `key` names it in errors.
     pub fn new(key: &str, material: &Material, wavelengths: &[SampledWavelengths]) -> Result<Self> {
         let pigment = Variation::of(material);
         let factors = pigment.nodes();
         let mut standard_error = 0.0f32;
-        let mut directional = Vec::with_capacity(wavelengths.len() * factors * 2 * (STEPS + 1));
+        let mut directional = Vec::with_capacity(wavelengths.len() * factors * 2 * COSINES);
         let domes = match material {
             Material::Petal(petal) => match &**petal {
                 Petal::Cells(cells) => Domes::measure(cells, wavelengths),
@@ -159,7 +175,7 @@ impl MaterialTotals {
         for d in &domes {
             standard_error = standard_error.max(d.standard_error);
         }
-        let means = directional.chunks(STEPS + 1).map(mean).collect();
+        let means = directional.chunks(COSINES).map(mean).collect();
         Ok(Self { directional, means, pigment, standard_error })
     }
 
@@ -185,7 +201,7 @@ impl MaterialTotals {
     /// Black.
     fn nothing(chunks: usize) -> Self {
         let black = [SampledSpectrum::ZERO; 2];
-        let directional = vec![black; chunks * 2 * (STEPS + 1)];
+        let directional = vec![black; chunks * 2 * COSINES];
         Self {
             directional,
             means: vec![black; chunks * 2],
@@ -203,11 +219,33 @@ impl MaterialTotals {
         side: Side,
         chunk: usize,
     ) -> (SampledSpectrum, SampledSpectrum) {
-        let x = cos.abs().min(1.0) * STEPS as f32;
-        let node = (x as usize).min(STEPS - 1);
+        let (node, t) = place(cos);
         let at = |factor: usize| {
-            let first = self.row(chunk, factor, side) * (STEPS + 1) + node;
-            mix(self.directional[first], self.directional[first + 1], x - node as f32)
+            let first = self.row(chunk, factor, side) * COSINES + node;
+            mix(self.directional[first], self.directional[first + 1], t)
+        };
+        let [r, t] = self.at_pigment(pigment, at);
+        (r, t)
+    }
+
+    /// The same for much light at once: `weights[k]` of it at the k-th of the tables' cosines ([`spread`]).
+    pub fn of_light(
+        &self,
+        pigment: PigmentFactors,
+        weights: &[f32; COSINES],
+        side: Side,
+        chunk: usize,
+    ) -> (SampledSpectrum, SampledSpectrum) {
+        let at = |factor: usize| {
+            let first = self.row(chunk, factor, side) * COSINES;
+            let mut sum = [SampledSpectrum::ZERO; 2];
+            for (shares, w) in self.directional[first..first + COSINES].iter().zip(weights) {
+                if *w != 0.0 {
+                    sum[0] += shares[0] * *w;
+                    sum[1] += shares[1] * *w;
+                }
+            }
+            sum
         };
         let [r, t] = self.at_pigment(pigment, at);
         (r, t)

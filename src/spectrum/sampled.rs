@@ -58,11 +58,13 @@ impl SampledWavelengths {
     }
 
     /// The wavelengths, nm.
+    #[inline]
     pub fn lambda_nm(&self) -> &[f32; LANES] {
         &self.lambda_nm
     }
 
     /// Their densities, 1/nm.
+    #[inline]
     pub fn pdf_per_nm(&self) -> &[f32; LANES] {
         &self.pdf_per_nm
     }
@@ -79,36 +81,43 @@ impl SampledSpectrum {
     pub const ONE: Self = Self([1.0; LANES]);
 
     /// The same value everywhere.
+    #[inline]
     pub const fn splat(v: f32) -> Self {
         Self([v; LANES])
     }
 
     /// Value by lane.
+    #[inline]
     pub fn from_fn(f: impl FnMut(usize) -> f32) -> Self {
         Self(std::array::from_fn(f))
     }
 
     /// Mean over the lanes.
+    #[inline]
     pub fn mean(&self) -> f32 {
         self.0.iter().sum::<f32>() / LANES as f32
     }
 
     /// Largest lane.
+    #[inline]
     pub fn max(&self) -> f32 {
         self.0.iter().copied().fold(f32::NEG_INFINITY, f32::max)
     }
 
     /// Is every lane exactly zero?
+    #[inline]
     pub fn is_zero(&self) -> bool {
         self.0.iter().all(|&v| v == 0.0)
     }
 
     /// Is every lane finite?
+    #[inline]
     pub fn is_finite(&self) -> bool {
         self.0.iter().all(|v| v.is_finite())
     }
 
     /// Each lane through `f`.
+    #[inline]
     pub fn map(self, f: impl FnMut(f32) -> f32) -> Self {
         Self(self.0.map(f))
     }
@@ -116,6 +125,7 @@ impl SampledSpectrum {
 
 impl Index<usize> for SampledSpectrum {
     type Output = f32;
+    #[inline]
     fn index(&self, i: usize) -> &f32 {
         &self.0[i]
     }
@@ -125,40 +135,52 @@ macro_rules! lanewise {
     ($($trait:ident $method:ident $op:tt),*) => {$(
         impl $trait for SampledSpectrum {
             type Output = Self;
-            fn $method(self, rhs: Self) -> Self {
-                Self(std::array::from_fn(|i| self.0[i] $op rhs.0[i]))
+            #[inline]
+            fn $method(mut self, rhs: Self) -> Self {
+                for (a, b) in self.0.iter_mut().zip(rhs.0) {
+                    *a $op b;
+                }
+                self
             }
         }
         impl $trait<f32> for SampledSpectrum {
             type Output = Self;
-            fn $method(self, rhs: f32) -> Self {
-                Self(std::array::from_fn(|i| self.0[i] $op rhs))
+            #[inline]
+            fn $method(mut self, rhs: f32) -> Self {
+                for a in &mut self.0 {
+                    *a $op rhs;
+                }
+                self
             }
         }
     )*};
 }
-lanewise!(Add add +, Sub sub -, Mul mul *, Div div /);
+lanewise!(Add add +=, Sub sub -=, Mul mul *=, Div div /=);
 
 impl Neg for SampledSpectrum {
     type Output = Self;
+    #[inline]
     fn neg(self) -> Self {
         self.map(|v| -v)
     }
 }
 
 impl AddAssign for SampledSpectrum {
+    #[inline]
     fn add_assign(&mut self, rhs: Self) {
         *self = *self + rhs;
     }
 }
 
 impl MulAssign for SampledSpectrum {
+    #[inline]
     fn mul_assign(&mut self, rhs: Self) {
         *self = *self * rhs;
     }
 }
 
 impl MulAssign<f32> for SampledSpectrum {
+    #[inline]
     fn mul_assign(&mut self, rhs: f32) {
         *self = *self * rhs;
     }

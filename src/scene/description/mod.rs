@@ -5,6 +5,7 @@
 //! Lengths are millimetres, angles degrees, +z is up. Whether the values make sense is checked by
 //! [`compile`](super::compile::compile).
 
+mod arrangement;
 mod camera;
 mod color;
 mod film;
@@ -20,6 +21,7 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+pub use arrangement::ArrangementShape;
 pub use camera::CameraDescription;
 pub use color::{SpectrumDescription, SpectrumTable};
 pub use film::FilmDescription;
@@ -41,7 +43,8 @@ pub use petal::{
 };
 pub use radiosity::RadiosityDescription;
 pub use shape::{
-    DiscShape, MeshShape, Placement, QuadShape, RoseMaterials, RoseShape, ShapeDescription, SphereShape,
+    DiscShape, LatheShape, MeshShape, Placement, QuadShape, RoseMaterials, RoseShape, ShapeDescription,
+    SphereShape,
 };
 
 /// A whole scene.

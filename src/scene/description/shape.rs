@@ -4,7 +4,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    DiffuseMaterial, EmissionDescription, LambertMaterial, MaterialDescription, SpectrumDescription,
+    ArrangementShape, DiffuseMaterial, EmissionDescription, LambertMaterial, MaterialDescription,
+    SpectrumDescription,
 };
 use crate::flower::RoseDescription;
 
@@ -22,6 +23,10 @@ pub enum ShapeDescription {
     Disc(DiscShape),
     /// A sphere.
     Sphere(SphereShape),
+    /// A surface of revolution: a vase, a pot, a plate.
+    Lathe(LatheShape),
+    /// Several roses by rule.
+    Arrangement(Box<ArrangementShape>),
 }
 
 /// Where a shape stands: scaled about its own origin, then turned, then moved.
@@ -114,16 +119,21 @@ impl TryFrom<RoseKeys> for RoseShape {
     type Error = String;
 
     fn try_from(keys: RoseKeys) -> Result<Self, String> {
-        let preset: RoseDescription = keys.preset.parse().map_err(|e: crate::Error| match e {
-            crate::Error::Invalid { what, .. } => what,
-            other => other.to_string(),
-        })?;
-        let mut table = toml::Table::try_from(&preset).map_err(|e| e.to_string())?;
-        overlay(&mut table, keys.rose);
-        let rose = RoseDescription::deserialize(table).map_err(|e| e.message().to_owned())?;
-        let RoseKeys { preset, materials, position_mm, rotation_deg, scale, .. } = keys;
+        let RoseKeys { preset, rose, materials, position_mm, rotation_deg, scale } = keys;
+        let rose = with_preset(&preset, rose)?;
         Ok(Self { preset, rose, materials, position_mm, rotation_deg, scale })
     }
+}
+
+/// A named rose with some keys changed.
+pub(super) fn with_preset(preset: &str, rose: toml::Table) -> Result<RoseDescription, String> {
+    let preset: RoseDescription = preset.parse().map_err(|e: crate::Error| match e {
+        crate::Error::Invalid { what, .. } => what,
+        other => other.to_string(),
+    })?;
+    let mut table = toml::Table::try_from(&preset).map_err(|e| e.to_string())?;
+    overlay(&mut table, rose);
+    RoseDescription::deserialize(table).map_err(|e| e.message().to_owned())
 }
 
 /// Puts the values of `over` into `base`, table by table.
@@ -219,6 +229,36 @@ pub struct SphereShape {
     pub emission: Option<EmissionDescription>,
 }
 
+/// `type = "lathe"`: a curve of (radius, height) turned about +z: a vase, a pot, a plate. A wall goes up outside and down inside.
+/// Normals point out of the solid.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LatheShape {
+    /// The curve's points: [radius, height], mm, 2 to 512 of them. Only the first and the last may have radius 0. A point given twice
+    /// in a row is a corner of a smooth curve.
+    pub profile_mm: Vec<[f64; 2]>,
+    /// Does a smooth curve run through the points? Straight pieces otherwise. Default true.
+    #[serde(default = "yes")]
+    pub smooth: bool,
+    /// Sides, 3 to 2048. Default 128.
+    #[serde(default = "sides")]
+    pub segments: u32,
+    /// Material by name.
+    pub material: String,
+    /// Place of the point at radius 0, height 0, mm. Default the origin.
+    #[serde(default)]
+    pub position_mm: [f64; 3],
+    /// Turns about +x, then +y, then +z, degrees. Default none.
+    #[serde(default)]
+    pub rotation_deg: [f64; 3],
+    /// Factor on all lengths. Default 1.
+    #[serde(default = "one")]
+    pub scale: f64,
+    /// Makes the surface a light. Default: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub emission: Option<EmissionDescription>,
+}
+
 impl Default for RoseMaterials {
     fn default() -> Self {
         Self {
@@ -271,18 +311,30 @@ impl ShapeDescription {
             Self::Quad(s) => (s.position_mm, s.rotation_deg, 1.0),
             Self::Disc(s) => (s.position_mm, s.rotation_deg, 1.0),
             Self::Sphere(s) => (s.position_mm, [0.0; 3], 1.0),
+            Self::Lathe(s) => (s.position_mm, s.rotation_deg, s.scale),
+            Self::Arrangement(s) => (s.position_mm, s.rotation_deg, s.scale),
         };
         Placement { position_mm, rotation_deg, scale }
     }
 
-    /// Material and emission of a shape made of one surface; `None` for a rose.
+    /// Materials of a shape made of organs.
+    pub fn organs(&self) -> Option<&RoseMaterials> {
+        match self {
+            Self::Rose(s) => Some(&s.materials),
+            Self::Arrangement(s) => Some(&s.materials),
+            _ => None,
+        }
+    }
+
+    /// Material and emission of a shape made of one surface; `None` for roses.
     pub fn surface(&self) -> Option<(&str, Option<&EmissionDescription>)> {
         match self {
-            Self::Rose(_) => None,
+            Self::Rose(_) | Self::Arrangement(_) => None,
             Self::Mesh(s) => Some((&s.material, s.emission.as_ref())),
             Self::Quad(s) => Some((&s.material, s.emission.as_ref())),
             Self::Disc(s) => Some((&s.material, s.emission.as_ref())),
             Self::Sphere(s) => Some((&s.material, s.emission.as_ref())),
+            Self::Lathe(s) => Some((&s.material, s.emission.as_ref())),
         }
     }
 }
@@ -293,4 +345,12 @@ fn one() -> f64 {
 
 fn four() -> u32 {
     4
+}
+
+fn yes() -> bool {
+    true
+}
+
+fn sides() -> u32 {
+    128
 }

@@ -132,19 +132,14 @@ impl Readout<'_> {
             let density = |w: Vec3| normal.dot(w).max(0.0) / PI;
             for k in 0..lights.emitters().len() {
                 let u = s.next_2d();
-                let sample = |l: &SampledWavelengths| lights.sample_light(k, Drawing::Each, at.p, u, l);
-                let Some(first) = sample(&chunks[0]) else { continue };
-                let cos = normal.dot(first.wi);
-                if cos <= 0.0 || !scene.unoccluded(&at, first.wi, first.distance_mm) {
+                let Some(way) = lights.way(k, Drawing::Each, at.p, u) else { continue };
+                let cos = normal.dot(way.wi);
+                if cos <= 0.0 || !scene.unoccluded(&at, way.wi, way.distance_mm) {
                     continue;
                 }
-                let weight =
-                    if first.delta { 1.0 } else { power_heuristic(first.pdf_per_sr, density(first.wi)) };
+                let weight = if way.delta { 1.0 } else { power_heuristic(way.pdf_per_sr, density(way.wi)) };
                 for (c, l) in chunks.iter().enumerate() {
-                    // The same numbers give the same direction at all wavelengths.
-                    if let Some(light) = if c == 0 { Some(first) } else { sample(l) } {
-                        add_light(&mut sum, c, light.radiance, cos * weight / light.pdf_per_sr);
-                    }
+                    add_light(&mut sum, c, lights.arriving(k, &way, l), cos * weight / way.pdf_per_sr);
                 }
             }
             let Some(hit) = scene.intersect(&Scene::leave(&at, w)) else {

@@ -12,18 +12,18 @@
 //! Spectral, per nm. Guarded by `sky_and_sun_on_a_floor`.
 //! Source: our reading.
 
-use glam::{UVec2, Vec3};
+use glam::{UVec2, Vec2, Vec3};
 use rayon::prelude::*;
 
 use super::elements::{Elements, node};
+use super::glow;
 use crate::geometry::ray::offset_origin;
 use crate::geometry::{Ray, Side};
 use crate::math::{Frame, Sampler, warp};
-use crate::scene::{Drawing, Emitter, LightSample, MaterialTotals, Scene};
+use crate::scene::totals::{COSINES, spread};
+use crate::scene::{Drawing, Emitter, LightWay, MAX_EACH, MaterialTotals, Scene};
 use crate::spectrum::{SampledSpectrum, SampledWavelengths};
 
-/// Scenes with more lights than this draw one of them per point.
-const MAX_EACH: usize = 8;
 /// Marks the numbers of these samples among others of the seed.
 const SEQUENCE: u32 = 0xd14e_c7ed;
 /// Shadow rays end this share of their length before the light.
@@ -66,6 +66,8 @@ pub(super) struct Lighting<'a> {
     pub(super) without_glow: bool,
     /// Number of the sky that is drawn by the cosine, [`even_sky`].
     pub(super) even_sky: Option<usize>,
+    /// Of each light with one spectrum for all ways: that in each chunk, and the sum of its means.
+    spectra: Vec<Option<(Vec<SampledSpectrum>, f32)>>,
 }
 
 /// What samples are for: those that tell how many are needed are not used again.
@@ -77,7 +79,34 @@ pub(super) enum Kind {
     Look = 1,
 }
 
-impl Lighting<'_> {
+impl<'a> Lighting<'a> {
+    /// Light of a scene at these wavelengths by so many samples of each light in the mean.
+    pub(super) fn new(
+        scene: &'a Scene,
+        totals: &'a [MaterialTotals],
+        chunks: &'a [SampledWavelengths],
+        (samples, seed): (u32, u64),
+    ) -> Self {
+        let even_sky = even_sky(scene);
+        let spectra = |k: usize| {
+            let spectrum = match &scene.lights.emitters()[k] {
+                Emitter::Constant { radiance } if even_sky == Some(k) => radiance,
+                _ => scene.lights.spectrum(k)?,
+            };
+            let values: Vec<SampledSpectrum> = chunks.iter().map(|lambda| spectrum.sample(lambda)).collect();
+            let mean = values.iter().map(SampledSpectrum::mean).sum();
+            Some((values, mean))
+        };
+        let spectra = (0..scene.lights.emitters().len()).map(spectra).collect();
+        let without_glow = glow::is_large(scene);
+        Self { scene, totals, chunks, samples, seed, without_glow, even_sky, spectra }
+    }
+
+    /// Is every light drawn at each point? Otherwise one of them is.
+    fn each(&self) -> bool {
+        self.without_glow || self.spectra.len() <= MAX_EACH
+    }
+
     /// Direct light of both nodes of each of the elements, `chunks` values per node, from so many samples on each side.
     pub(super) fn on(
         &self,
@@ -109,68 +138,76 @@ impl Lighting<'_> {
         (samples, kind): (u32, Kind),
         out: &mut [DirectLight],
     ) -> f32 {
-        let Self { scene, totals, chunks, .. } = *self;
+        let Self { scene, chunks, .. } = *self;
         let lights = &scene.lights;
         let e = &elements.list()[element as usize];
-        let totals = &totals[scene.shapes[e.shape as usize].material as usize];
+        let totals = &self.totals[scene.shapes[e.shape as usize].material as usize];
         let up = if side == Side::Adaxial { 1.0 } else { -1.0 };
-        let sampled = |k: &usize| !(self.without_glow && matches!(lights.emitters()[*k], Emitter::Area(_)));
-        let each = self.without_glow || lights.emitters().len() <= MAX_EACH;
-        let even = |k: usize| self.even_sky == Some(k);
         let number = node(element, side) as u32;
+        let mut tallies = [[0.0; COSINES]; MAX_EACH];
         let (mut sum, mut squares) = (0.0f64, 0.0f64);
         for i in 0..samples {
             let mut s = Sampler::new(self.seed, UVec2::new(number, SEQUENCE ^ kind as u32), i);
             let u_facet = s.next_1d();
             let at = elements.sample(scene, element, u_facet, s.next_2d());
             let n = at.normal * up;
-            let visible = |l: &LightSample| {
-                let ray =
-                    Ray { t_max: l.distance_mm * SHADOW_END, ..Ray::new(offset_origin(at.p, n, l.wi), l.wi) };
-                l.wi.dot(n) > 0.0 && !scene.bvh.occluded(&ray)
-            };
             let mut brightness = 0.0;
-            let mut take = |sample: &dyn Fn(&SampledWavelengths) -> Option<LightSample>| {
-                let Some(first) = sample(&chunks[0]) else { return };
-                if !visible(&first) {
+            let mut take = |light: usize, way: Option<LightWay>, mut tally: Option<&mut [f32; COSINES]>| {
+                let Some(way) = way else { return };
+                let cos = way.wi.dot(n);
+                let end = way.distance_mm * SHADOW_END;
+                let ray = Ray { t_max: end, ..Ray::new(offset_origin(at.p, n, way.wi), way.wi) };
+                if cos <= 0.0 || scene.bvh.occluded(&ray) {
                     return;
                 }
-                let cos = first.wi.dot(n);
+                let weight = cos / way.pdf_per_sr;
+                if let (Some(tally), Some((_, mean))) = (&mut tally, &self.spectra[light]) {
+                    spread(tally, cos, weight * way.factor);
+                    brightness += weight * way.factor * mean;
+                    return;
+                }
                 for (c, lambda) in chunks.iter().enumerate() {
-                    // The same numbers give the same direction at all wavelengths.
-                    let light = if c == 0 { Some(first) } else { sample(lambda) };
-                    if let Some(l) = light {
-                        let light = l.radiance * (cos / l.pdf_per_sr);
-                        brightness += f64::from(light.mean());
-                        out[c].add(light, totals.at(e.pigment, cos, side, c));
-                    }
+                    let light = lights.arriving(light, &way, lambda) * weight;
+                    brightness += light.mean();
+                    out[c].add(light, totals.at(e.pigment, cos, side, c));
                 }
             };
-            if each {
-                for k in (0..lights.emitters().len()).filter(sampled) {
-                    let u = s.next_2d();
-                    if even(k) {
-                        let wi =
-                            Frame::from_normal(n).to_world(warp::square_to_cosine_hemisphere(u)).normalize();
-                        take(&|lambda| {
-                            Some(LightSample {
-                                wi,
-                                distance_mm: f32::INFINITY,
-                                radiance: lights.environment(wi, lambda),
-                                pdf_per_sr: warp::cosine_hemisphere_pdf(Vec3::Z * wi.dot(n)),
-                                delta: false,
-                            })
-                        });
-                    } else {
-                        take(&|lambda| lights.sample_light(k, Drawing::Each, at.p, u, lambda));
+            if self.each() {
+                for (k, emitter) in lights.emitters().iter().enumerate() {
+                    if self.without_glow && matches!(emitter, Emitter::Area(_)) {
+                        continue;
                     }
+                    let u = s.next_2d();
+                    let way = match self.even_sky {
+                        Some(sky) if sky == k => Some(cosine_way(n, u)),
+                        _ => lights.way(k, Drawing::Each, at.p, u),
+                    };
+                    take(k, way, tallies.get_mut(k));
                 }
             } else {
                 let (u_pick, u) = (s.next_1d(), s.next_2d());
-                take(&|lambda| lights.sample(at.p, u_pick, u, lambda));
+                if let Some(k) = lights.pick(u_pick) {
+                    take(k, lights.way(k, Drawing::One, at.p, u), None);
+                }
             }
-            sum += brightness;
-            squares += brightness * brightness;
+            sum += f64::from(brightness);
+            squares += f64::from(brightness).powi(2);
+        }
+        for (spectrum, tally) in self.spectra.iter().zip(&tallies) {
+            let Some((spectrum, _)) = spectrum else { continue };
+            let light: f32 = tally.iter().sum();
+            if light == 0.0 {
+                continue;
+            }
+            for (c, (out, spectrum)) in out.iter_mut().zip(spectrum).enumerate() {
+                out.incident += *spectrum * light;
+                // A first look asks for no more.
+                if matches!(kind, Kind::Final) {
+                    let (r, t) = totals.of_light(e.pigment, tally, side, c);
+                    out.reflected += *spectrum * r;
+                    out.transmitted += *spectrum * t;
+                }
+            }
         }
         out.iter_mut().for_each(|d| d.scale(1.0 / samples as f32));
         let count = f64::from(samples);
@@ -178,8 +215,15 @@ impl Lighting<'_> {
     }
 }
 
+/// The way to a sky in a direction drawn by the cosine around `n`.
+fn cosine_way(n: Vec3, u: Vec2) -> LightWay {
+    let wi = Frame::from_normal(n).to_world(warp::square_to_cosine_hemisphere(u)).normalize();
+    let pdf_per_sr = warp::cosine_hemisphere_pdf(Vec3::Z * wi.dot(n));
+    LightWay { wi, distance_mm: f32::INFINITY, factor: 1.0, pdf_per_sr, delta: false }
+}
+
 /// The sky that looks the same all over, where it is the only light at infinity that directions are drawn to.
-pub(super) fn even_sky(scene: &Scene) -> Option<usize> {
+fn even_sky(scene: &Scene) -> Option<usize> {
     let far = |e: &Emitter| match e {
         Emitter::Constant { .. } | Emitter::Image { .. } | Emitter::Sky(_) => true,
         Emitter::Distant { one_minus_cos, .. } => *one_minus_cos > 0.0,

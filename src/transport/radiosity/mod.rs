@@ -243,15 +243,7 @@ pub fn solve(
         done: AtomicU64::new(0),
         total: u64::from(settings.elements.max(facets.pieces() as u32)) * (1 + TRACE_STEPS),
     };
-    let lighting = Lighting {
-        scene,
-        totals: &totals,
-        chunks: &chunks,
-        samples: settings.light_samples,
-        seed: settings.seed,
-        without_glow: glow::is_large(scene),
-        even_sky: direct::even_sky(scene),
-    };
+    let lighting = Lighting::new(scene, &totals, &chunks, (settings.light_samples, settings.seed));
     let (elements, beside, mut direct) = refine(scene, facets, &lighting, settings.elements, &steps)?;
 
     let exchange = Exchange::trace(

@@ -69,21 +69,29 @@ pub(super) fn power(
         }
         let mut s = Sampler::new(seed, UVec2::new(light as u32, SEQUENCE), 0);
         let start = [s.next_2d(), s.next_2d()];
+        // Rays of most lights stand for the same power each, so they are only counted.
+        let alike = !matches!(scene.lights.emitters()[light], Emitter::Image { .. } | Emitter::Sky(_));
         let batches: Vec<_> = (0..rays.div_ceil(BATCH))
             .into_par_iter()
             .map(|batch| {
                 let mut sum = none.clone();
+                let mut escaped = 0u32;
                 for i in batch * BATCH..((batch + 1) * BATCH).min(rays) {
                     let u = point(start, i);
                     let Some((ray, _)) = scene.lights.emit(light, sphere, u, &chunks[0]) else { continue };
                     if scene.bvh.occluded(&ray) {
                         continue;
                     }
-                    for (to, lambda) in sum.iter_mut().zip(chunks) {
+                    escaped += 1;
+                    for (to, lambda) in sum.iter_mut().zip(chunks).filter(|_| !alike) {
                         if let Some((_, weight)) = scene.lights.emit(light, sphere, u, lambda) {
                             add(to, weight, 1.0 / f64::from(rays));
                         }
                     }
+                }
+                for (to, lambda) in sum.iter_mut().zip(chunks).filter(|_| alike) {
+                    let power = scene.lights.power(light, sphere.1, lambda);
+                    add(to, power, f64::from(escaped) / f64::from(rays));
                 }
                 sum
             })

@@ -46,6 +46,29 @@ fn sky_and_sun_on_a_floor() {
 }
 
 #[test]
+fn light_of_few_wavelengths_is_not_lost() {
+    // Dark at the first eight wavelengths.
+    let red = "spectrum = { wavelengths_nm = [600, 601], values = [0, 1] }";
+    let s = compiled(&format!(
+        "[materials.grey]\ntype = \"lambert\"\nreflectance = 0.5\n\
+         [shapes.floor]\ntype = \"quad\"\nwidth_mm = 20\nheight_mm = 20\nmaterial = \"grey\"\n\
+         [lights.sun]\ntype = \"distant\"\nelevation_deg = 30\nirradiance = 4\n{red}\n\
+         [lights.disc]\ntype = \"area\"\nshape = \"disc\"\nradius_mm = 5\nposition_mm = [0, 0, 500]\nnormal = [0, 0, -1]\n\
+         radiance = 1000\n{red}\n"
+    ));
+    let nm: Vec<f32> = (0..16).map(|i| 400.0 + 20.0 * i as f32).collect();
+    let at = |nm: &[f32]| {
+        let r = super::solve(&s, nm, &settings(64, 6, 64), &mut Vec::new(), &NoProgress).unwrap();
+        let last = nm.len() - 1;
+        (r.element(0, Side::Adaxial, Quantity::Leaving), r.ledger().error()[last] / r.ledger().emitted[last])
+    };
+    let ((many, error), (one, _)) = (at(&nm), at(&nm[12..13]));
+    assert_eq!(many[9], 0.0);
+    assert!(one[0] > 0.1 && (many[12] / one[0] - 1.0).abs() < 1e-4, "{many:?} {one:?}");
+    assert!(error.abs() < 2e-3, "{error}");
+}
+
+#[test]
 fn a_sky_beside_an_even_one_is_counted_once() {
     let floor = "[materials.grey]\ntype = \"lambert\"\nreflectance = 0.5\n\
                  [shapes.floor]\ntype = \"quad\"\nwidth_mm = 20\nheight_mm = 20\nmaterial = \"grey\"\n";
