@@ -1,5 +1,5 @@
 //! Time, memory and error of radiosity on the default rose, by the number of its triangles:
-//! `cargo bench --bench radiosity`; `-- 3.87` for one `detail` of the rose only.
+//! `cargo bench --bench radiosity`; `-- 2.7` for one `detail` of the rose only.
 //!
 //! Error: irradiance of patches of both sides of all petals, at 640 nm, where petals are bright, and 540 nm, where they are
 //! nearly black. A patch is a compact set of triangles of one petal, found by halving: 64 triangles (43 to 86) where the rose has

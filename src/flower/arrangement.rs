@@ -12,7 +12,7 @@
 //! Places: each rose tries [`CANDIDATES`] places of a low-discrepancy sequence and takes the one farthest from the flowers placed
 //! before, of those where spheres around flowers stay clear of each other and of all stems; if a rose finds none, the
 //! whole arrangement spreads by [`WIDER`] and begins again. Then leaves that still run into a neighbour are taken off
-//! ([`clearing`]).
+//! (`clearing`).
 //!
 //! | symbol | field | unit | default |
 //! |---|---|---|---|

@@ -1,6 +1,6 @@
 //! Bounding volume hierarchy over all triangles of a scene.
 //!
-//! Built by the `obvhs` crate (PLOC with reinsertion) as a binary tree, made wide and traversed by us ([`mod@super::wide`]), with
+//! Built by the `obvhs` crate (PLOC with reinsertion) as a binary tree, made wide and traversed by us (`super::wide`), with
 //! our triangle test ([`super::triangle`]). The boxes of triangles are
 //! widened by 1e-5 of the scene's diagonal, far more than the rounding error of the slab test for rays that
 //! start within 30 diagonals, so that the hierarchy drops no hit (`closed_mesh_has_no_leaks`,
