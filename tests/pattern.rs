@@ -69,11 +69,11 @@ fn radiosity_sees_the_pigment_of_every_petal() {
             let uv: Vec2 = t.iter().map(|v| shape.mesh.uvs[*v as usize]).sum::<Vec2>() / 3.0;
             let a = f64::from(shape.mesh.face_area(face));
             area += a;
-            factor += a * f64::from(scene.pigment(i as u32, uv).adaxial);
+            factor += a * f64::from(scene.tissue(i as u32, uv).pigment.adaxial);
         }
         let of_petal = || elements.iter().zip(0u32..).filter(|(e, _)| e.shape as usize == i);
         let of_elements: f64 =
-            of_petal().map(|(e, _)| f64::from(e.area_mm2) * f64::from(e.pigment.adaxial)).sum();
+            of_petal().map(|(e, _)| f64::from(e.area_mm2) * f64::from(e.tissue.pigment.adaxial)).sum();
         assert!((of_elements / factor - 1.0).abs() < 0.02, "{i}: {} {}", of_elements / area, factor / area);
         // Green light is absorbed as the pigment says, red light hardly.
         let shares = [0, 1].map(|band| {

@@ -19,6 +19,7 @@ use obvhs::bvh2::Bvh2;
 
 use super::ray::Ray;
 use super::triangle::{Packet, ShearedRay, TriangleHit, WIDTH};
+use crate::math::widest;
 
 /// Marks children that are packets.
 const LEAF: u32 = 1 << 31;
@@ -108,7 +109,10 @@ impl WideTree {
         }
         const NONE: Entry = Entry { child: 0, near: 0.0 };
         if self.deepest <= STACK {
-            self.walk_with::<ANY>(ray, &mut [NONE; STACK])
+            widest(
+                #[inline(always)]
+                || self.walk_with::<ANY>(ray, &mut [NONE; STACK]),
+            )
         } else {
             self.walk_with::<ANY>(ray, &mut vec![NONE; self.deepest])
         }

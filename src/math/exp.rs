@@ -19,7 +19,7 @@ const ROUND: f32 = 12_582_912.0;
 // Plain loops over arrays of known length: those a compiler makes vector instructions of.
 
 /// `e^x` of each.
-#[inline]
+#[inline(always)]
 pub fn exp<const N: usize>(x: [f32; N]) -> [f32; N] {
     let mut out = [0.0; N];
     for i in 0..N {
@@ -36,7 +36,7 @@ pub fn exp<const N: usize>(x: [f32; N]) -> [f32; N] {
 }
 
 /// `ln y` of each; y is a normal positive number.
-#[inline]
+#[inline(always)]
 pub fn ln<const N: usize>(y: [f32; N]) -> [f32; N] {
     const ROOT_HALF: u32 = FRAC_1_SQRT_2.to_bits();
     let mut out = [0.0; N];

@@ -2,6 +2,7 @@
 //! statistics.
 
 pub mod exp;
+pub mod widest;
 pub mod frame;
 pub mod warp;
 pub mod sampler;
@@ -14,3 +15,4 @@ pub mod stats;
 pub use frame::Frame;
 pub use sampler::Sampler;
 pub use stream::Stream;
+pub use widest::widest;

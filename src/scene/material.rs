@@ -4,7 +4,7 @@ use super::assets::Assets;
 use super::color::{reflectance, reflectance_and_transmittance};
 use super::description::MaterialDescription;
 use super::key::Key;
-use super::pattern::PigmentFactors;
+use super::pattern::TissueState;
 use super::tabulated::Petal;
 use crate::Result;
 use std::sync::Arc;
@@ -107,30 +107,30 @@ impl Material {
         }
     }
 
-    /// Share of light from the local direction `wi` that comes through the sheet, where its pigment is `pigment` times the tissue's.
+    /// Share of light from the local direction `wi` that comes through the sheet, where its tissue is in a state.
     pub fn transmittance(
         &self,
         wi: Vec3,
-        pigment: PigmentFactors,
+        state: TissueState,
         lambda: &SampledWavelengths,
     ) -> SampledSpectrum {
         match self {
             Material::Diffuse(m) => m.transmittance().sample(lambda),
-            Material::Petal(m) => m.transmittance(wi, pigment, lambda),
+            Material::Petal(m) => m.transmittance(wi, state, lambda),
             _ => SampledSpectrum::ZERO,
         }
     }
 
     /// Colour of the surface seen from the local direction `wo`, transmitted light included: a guide for
     /// denoisers and masks, not for transport.
-    pub fn albedo(&self, wo: Vec3, pigment: PigmentFactors, lambda: &SampledWavelengths) -> SampledSpectrum {
+    pub fn albedo(&self, wo: Vec3, state: TissueState, lambda: &SampledWavelengths) -> SampledSpectrum {
         let side = Side::of(wo);
         match self {
             Material::Lambert(m) => m.reflectance(side).sample(lambda),
             Material::Phong(m) => m.diffuse().sample(lambda) + m.specular().sample(lambda),
             Material::LiteralPhong(m) => m.diffuse().sample(lambda),
             Material::Diffuse(m) => m.reflectance(side).sample(lambda) + m.transmittance().sample(lambda),
-            Material::Petal(m) => m.albedo(wo, pigment, lambda),
+            Material::Petal(m) => m.albedo(wo, state, lambda),
         }
     }
 }

@@ -50,7 +50,7 @@ pub use emitter::{Drawing, Emitter, LightSample, LightWay, Lights, MAX_EACH};
 pub use load::{Loaded, Override, load};
 pub use locate::Source;
 pub use material::{Material, Scattering};
-pub use pattern::{Pattern, PigmentFactors};
+pub use pattern::{Pattern, PigmentFactors, TissueState};
 pub use shape::Shape;
 pub use tabulated::{Petal, TabulatedPetal};
 pub use totals::MaterialTotals;

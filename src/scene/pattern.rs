@@ -1,4 +1,4 @@
-//! The pattern of a petal's pigment: factors on the pigments of its two epidermes.
+//! The pattern of a petal: factors on the pigments of its two epidermes, and where it is thin or withered.
 //!
 //! Model: for each side, at a place of the petal ([`crate::flower::petal_map`]: u, v, d, n and the petal's age a),
 //!
@@ -7,9 +7,13 @@
 //! course: claw, middle, rim at v = 0, 1/2, 1;  S(x) = x^2 (3 - 2 x) between
 //! spot   = 1 + (factor - 1) (1 - S((v / e - 0.55) / 0.45)),   e = extent (1 + irregularity b(9 u, 3 v))
 //! band   = 1 + (factor - 1) (1 - S((d / w - 0.5) / 0.5)),     w = width (1 + irregularity b(p / 5 mm))
+//!
+//! thickness h = 1 - (1 - margin) (1 - S(d / width)) + veins n,    share that is thin = (h1 - h) / (h1 - h0)
+//! withered share = S((b(p / 9 mm) - 1 + 2 extent a) / 0.3) (1 - S((d / w - 0.6) / 0.4)),   w = width (0.7 + 0.3 b(p / 2 mm))
 //! ```
 //!
-//! with b a smooth noise within -1 and 1, different on every petal.
+//! with b a smooth noise within -1 and 1, different on every petal; h1 = 1 + veins and h0 = margin are the thicknesses of two measured
+//! petals, between which the BSDF is linear.
 //!
 //! | symbol | key of `[petal.pattern]` | unit | default |
 //! |---|---|---|---|
@@ -19,6 +23,8 @@
 //! | factor, width, irregularity | `margin` | -, mm, - | no band |
 //! | inner, outer | `age` | | 1 |
 //! | amplitude, size of b | `blotches` | -, mm | none |
+//! | margin, width, veins | `thickness` | -, mm, - | 1 everywhere |
+//! | extent, width | `withered` | -, mm | none |
 //!
 //! What is known: the pigments of a petal sit in its epidermes, and the two differ (Biran et al. 1974, J. Exp. Bot. 25:614, on
 //! 'Baccara'); veins are coloured where the cells over them make anthocyanin (`Venosa` in Antirrhinum: Shang et al. 2011, New
@@ -26,12 +32,16 @@
 //! Schwinn 2012, Funct. Plant Biol. 39:619). All forms and numbers here are our reading. Factors scale all pigments
 //! of an epidermis alike: what shows where they are taken away is the mesophyll and its own pigments.
 //!
+//! Petals are thinner towards the margin; how they thin out is our reading, as is where they wither. A place that is partly
+//! withered is a mixture of both by area.
+//!
 //! Limits: factors lie within [`Pattern::ranges`] (`factors_keep_their_range`); the two sides take theirs apart
-//! (`sides_differ_as_asked`); energy and reciprocity hold at the largest factors (`extreme_pigment_keeps_the_laws`).
+//! (`sides_differ_as_asked`); energy and reciprocity hold at the largest factors (`extreme_pigment_keeps_the_laws`); petals thin out
+//! and wither at their margins (`margins_are_thin_and_old_ones_wither`).
 
 use glam::Vec2;
 
-use super::description::{CourseDescription, PatternDescription};
+use super::description::{CourseDescription, PatternDescription, WitheredDescription};
 use super::key::Key;
 use crate::Result;
 use crate::flower::petal_map::Place;
@@ -63,6 +73,54 @@ impl PigmentFactors {
     }
 }
 
+/// What a place of a petal is made of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TissueState {
+    /// Factors on its pigments.
+    pub pigment: PigmentFactors,
+    /// 0 as thick as it gets, 1 as thin.
+    pub thin: f32,
+    /// Share of it that is dead and brown.
+    pub withered: f32,
+}
+
+impl TissueState {
+    /// As the tissue says.
+    pub const SOUND: Self = Self::of(PigmentFactors::ONE);
+
+    /// Sound tissue with these factors on its pigments.
+    pub const fn of(pigment: PigmentFactors) -> Self {
+        Self { pigment, thin: 0.0, withered: 0.0 }
+    }
+
+    /// Of no tissue: where means begin.
+    pub const NOTHING: Self = Self::of(PigmentFactors::both(0.0));
+
+    /// Each number times `factor`.
+    pub fn times(self, factor: f32) -> Self {
+        Self {
+            pigment: self.pigment.times(factor),
+            thin: self.thin * factor,
+            withered: self.withered * factor,
+        }
+    }
+
+    /// The sum of each number.
+    pub fn plus(self, other: Self) -> Self {
+        let pigment = PigmentFactors {
+            adaxial: self.pigment.adaxial + other.pigment.adaxial,
+            abaxial: self.pigment.abaxial + other.pigment.abaxial,
+        };
+        Self { pigment, thin: self.thin + other.thin, withered: self.withered + other.withered }
+    }
+
+    /// Shares of thick, of thin and of withered tissue.
+    pub fn shares(self) -> [f32; 3] {
+        let sound = 1.0 - self.withered;
+        [sound * (1.0 - self.thin), sound * self.thin, self.withered]
+    }
+}
+
 /// A checked pattern.
 #[derive(Clone, Debug, Default)]
 pub struct Pattern {
@@ -71,6 +129,8 @@ pub struct Pattern {
 
 /// Size of the variations of the margin's width, mm.
 const MARGIN_SCALE_MM: f32 = 5.0;
+/// Sizes of what withers, and of its edge's variations, mm.
+const WITHERED_SCALES_MM: [f32; 2] = [9.0, 2.0];
 /// Rays of the claw spot across the petal, and their shape along it.
 const RAYS: Vec2 = Vec2::new(9.0, 3.0);
 
@@ -112,27 +172,66 @@ impl Pattern {
             key.at("amplitude").within(blotches.amplitude, 0.0..=1.0, "within 0 to 1")?;
             key.at("scale_mm").within(blotches.scale_mm, 0.2..=100.0, "within 0.2 to 100 mm")?;
         }
+        if let Some(thickness) = d.thickness {
+            let key = key.at("thickness");
+            key.at("margin").within(thickness.margin, 0.2..=1.0, "within 0.2 to 1")?;
+            key.at("width_mm").within(thickness.width_mm, 0.1..=100.0, "within 0.1 to 100 mm")?;
+            key.at("veins").within(thickness.veins, 0.0..=2.0, "within 0 to 2")?;
+        }
+        if let Some(withered) = d.withered {
+            let key = key.at("withered");
+            key.at("extent").within(withered.extent, 0.0..=1.0, "within 0 to 1")?;
+            key.at("width_mm").within(withered.width_mm, 0.1..=100.0, "within 0.1 to 100 mm")?;
+            key.at("brown").within(withered.brown, 0.0..=100.0, "within 0 to 100")?;
+            key.at("pigment").within(withered.pigment, 0.0..=10.0, "within 0 to 10")?;
+        }
         Ok(Self { description: d.clone() })
     }
 
     /// What the pattern needs to know of a grown petal.
     pub fn map(&self, traits: &PetalTraits) -> PetalMap {
-        let veins = self.description.veins.map(|v| Veins { width_mm: v.width_mm, ..traits.veins });
+        let d = &self.description;
+        let veins = match (d.veins, d.thickness) {
+            (Some(v), _) => Some(Veins { width_mm: v.width_mm, ..traits.veins }),
+            (None, Some(thickness)) if thickness.veins > 0.0 => Some(traits.veins),
+            _ => None,
+        };
         PetalMap::new(traits, veins.as_ref())
     }
 
-    /// The factors at texture coordinates, on a grown petal or on another shape.
-    pub fn factors(&self, uv: Vec2, petal: Option<&PetalMap>) -> PigmentFactors {
-        let place = match petal {
-            Some(petal) => petal.at(uv),
-            None => Place {
-                across: uv.x.clamp(0.0, 1.0),
-                along: uv.y.clamp(0.0, 1.0),
-                margin_mm: f32::INFINITY,
-                vein: 0.0,
-                flat_mm: Vec2::ZERO,
-            },
-        };
+    /// Least and largest thickness, in parts of the tissue's; `None` where all is as thick.
+    pub fn thicknesses(&self) -> Option<(f64, f64)> {
+        let t = self.description.thickness?;
+        (t.margin < 1.0 || t.veins > 0.0).then_some((t.margin, 1.0 + t.veins))
+    }
+
+    /// What withered patches are made of.
+    pub fn withered(&self) -> Option<&WitheredDescription> {
+        self.description.withered.as_ref()
+    }
+
+    /// What there is at texture coordinates, on a grown petal or on another shape.
+    pub fn state(&self, uv: Vec2, petal: Option<&PetalMap>) -> TissueState {
+        let place = place(uv, petal);
+        let (mut thin, mut withered) = (0.0, 0.0);
+        if let (Some(t), Some((least, most))) = (self.description.thickness, self.thicknesses()) {
+            let near = 1.0 - within(place.margin_mm / t.width_mm as f32, 0.0, 0.0);
+            let thickness = 1.0 - (1.0 - t.margin as f32) * near + t.veins as f32 * place.vein;
+            thin = ((most as f32 - thickness) / (most - least) as f32).clamp(0.0, 1.0);
+        }
+        if let (Some(w), Some(petal)) = (self.description.withered, petal) {
+            let [patch, edge] = [0, 1]
+                .map(|k| noise(place.flat_mm / WITHERED_SCALES_MM[k], petal.seed ^ [0x3d1e, 0x0d9e][k]));
+            let dead = ((patch - 1.0 + 2.0 * w.extent as f32 * petal.age) / 0.3).clamp(0.0, 1.0);
+            let width = w.width_mm as f32 * (0.7 + 0.3 * edge);
+            let band = 1.0 - within(place.margin_mm / width.max(1e-3), 0.6, 0.0);
+            withered = dead * dead * (3.0 - 2.0 * dead) * band;
+        }
+        TissueState { pigment: self.factors(&place, petal), thin, withered }
+    }
+
+    /// The factors at a place.
+    fn factors(&self, place: &Place, petal: Option<&PetalMap>) -> PigmentFactors {
         let seed = petal.map_or(0, |p| p.seed);
         let d = &self.description;
         let mut both = 1.0;
@@ -179,6 +278,20 @@ impl Pattern {
             let (low, high) = both.iter().chain(&of_side).fold((1.0, 1.0), |p, r| (p.0 * r.0, p.1 * r.1));
             (low as f32, high as f32)
         })
+    }
+}
+
+/// Where texture coordinates lie; on a shape that is no grown petal, far from any margin.
+fn place(uv: Vec2, petal: Option<&PetalMap>) -> Place {
+    match petal {
+        Some(petal) => petal.at(uv),
+        None => Place {
+            across: uv.x.clamp(0.0, 1.0),
+            along: uv.y.clamp(0.0, 1.0),
+            margin_mm: f32::INFINITY,
+            vein: 0.0,
+            flat_mm: Vec2::ZERO,
+        },
     }
 }
 

@@ -13,7 +13,11 @@
 //! | pattern: of each epidermis its own | `petal.pattern`, see [`super::pattern`] | pure number | 1 |
 //! | v | texture coordinate, 0 at the claw, 1 at the tip of the rim | | 0 |
 //!
-//! Guarded by `pigment_follows_gradient_and_texture`, `optics_must_be_of_the_same_shape`.
+//! A petal that thins out or withers is up to three tissues, each measured or coloured by itself: as thick as it gets, as thin, and
+//! withered. A place is a mixture of them, so its BSDF is the mean of theirs by their shares; paths follow one of them, picked as often as
+//! there is of it. Withered tissue takes no part in patterns of pigment.
+//!
+//! Guarded by `places_mix_what_they_are_made_of`, `thickness_is_nearly_linear`, `pigment_follows_gradient_and_texture`, `optics_must_be_of_the_same_shape`.
 //! Source: our reading.
 
 use std::sync::Arc;
@@ -22,9 +26,9 @@ use glam::{Vec2, Vec3};
 use serde::Serialize;
 
 use super::assets::Assets;
-use super::description::{GradientDescription, PetalDescription};
+use super::description::{GradientDescription, PetalDescription, WitheredDescription};
 use super::key::Key;
-use super::pattern::{Pattern, PigmentFactors};
+use super::pattern::{Pattern, PigmentFactors, TissueState};
 use crate::flower::PetalMap;
 use crate::gonio::tabulated::measured_tissue;
 use crate::gonio::{AtPigment, PetalOptics, TabulatedBsdf, WhiteMonteCarlo};
@@ -50,55 +54,96 @@ impl Petal {
     pub fn transmittance(
         &self,
         wi: Vec3,
-        pigment: PigmentFactors,
+        state: TissueState,
         lambda: &SampledWavelengths,
     ) -> SampledSpectrum {
         match self {
             Petal::Cells(petal) => petal.transmittance(lambda),
-            Petal::Tabulated(petal) => petal.at(pigment, lambda).albedo(wi)[1],
+            Petal::Tabulated(petal) => petal.albedo(wi, state, lambda)[1],
         }
     }
 
     /// Colour seen from the local direction `wo`, transmitted light included.
-    pub fn albedo(&self, wo: Vec3, pigment: PigmentFactors, lambda: &SampledWavelengths) -> SampledSpectrum {
+    pub fn albedo(&self, wo: Vec3, state: TissueState, lambda: &SampledWavelengths) -> SampledSpectrum {
         match self {
             Petal::Cells(petal) => petal.albedo(wo, lambda) + petal.transmittance(lambda),
             Petal::Tabulated(petal) => {
-                let [reflected, transmitted] = petal.at(pigment, lambda).albedo(wo);
+                let [reflected, transmitted] = petal.albedo(wo, state, lambda);
                 reflected + transmitted
             }
         }
     }
 }
 
-/// A tabulated petal whose pigment varies.
+/// A tabulated petal whose pigment, thickness and health vary.
 #[derive(Clone, Debug)]
 pub struct TabulatedPetal {
+    /// As thick as it gets.
     bsdf: TabulatedBsdf,
+    /// As thin as it gets.
+    thin: Option<TabulatedBsdf>,
+    withered: Option<TabulatedBsdf>,
     gradient: GradientDescription,
     pattern: Option<Pattern>,
     texture: Option<Texture>,
 }
 
 impl TabulatedPetal {
-    /// The BSDF where the pigments of the epidermes are so many times those of the tissue, for the wavelengths of a path.
+    /// The BSDF of the thick tissue where the pigments of the epidermes are so many times those of the tissue, for the wavelengths
+    /// of a path.
     pub fn at(&self, pigment: PigmentFactors, lambda: &SampledWavelengths) -> AtPigment<'_> {
-        let mut scale = [1.0; REGIONS];
-        scale[0] = pigment.adaxial;
-        scale[REGIONS - 1] = pigment.abaxial;
-        self.bsdf.at(scale, lambda)
+        self.bsdf.at(scales(pigment), lambda)
     }
 
-    /// c: factors on the pigments of the epidermes at texture coordinates, on a grown petal or on another shape.
-    pub fn pigment(&self, uv: Vec2, petal: Option<&PetalMap>) -> PigmentFactors {
+    /// The k-th of the tissues of [`TissueState::shares`], for the wavelengths of a path.
+    pub(super) fn tissue(
+        &self,
+        k: usize,
+        pigment: PigmentFactors,
+        lambda: &SampledWavelengths,
+    ) -> AtPigment<'_> {
+        match (k, &self.thin, &self.withered) {
+            (1, Some(thin), _) => thin.at(scales(pigment), lambda),
+            (2, _, Some(withered)) => withered.at([1.0; REGIONS], lambda),
+            _ => self.at(pigment, lambda),
+        }
+    }
+
+    /// Which of the tissues there are.
+    pub(super) fn tissues(&self) -> [bool; 3] {
+        [true, self.thin.is_some(), self.withered.is_some()]
+    }
+
+    /// One of the tissues of a place, each as often as there is of it if `u` is uniform in [0, 1).
+    pub fn pick(&self, state: TissueState, lambda: &SampledWavelengths, u: f32) -> AtPigment<'_> {
+        let [thick, thin, _] = state.shares();
+        let k = if u < thick { 0 } else { 1 + usize::from(u >= thick + thin) };
+        self.tissue(k, state.pigment, lambda)
+    }
+
+    /// Is every place of one tissue?
+    pub fn is_pure(&self) -> bool {
+        self.thin.is_none() && self.withered.is_none()
+    }
+
+    /// Shares of the light from a local direction that leave on its side and on the other, where the petal is in a state.
+    pub fn albedo(&self, wo: Vec3, state: TissueState, lambda: &SampledWavelengths) -> [SampledSpectrum; 2] {
+        let mut sum = [SampledSpectrum::ZERO; 2];
+        for (k, share) in state.shares().into_iter().enumerate().filter(|(_, share)| *share > 0.0) {
+            let of = self.tissue(k, state.pigment, lambda).albedo(wo);
+            sum = [sum[0] + of[0] * share, sum[1] + of[1] * share];
+        }
+        sum
+    }
+
+    /// What the petal is made of at texture coordinates, on a grown petal or on another shape; its pigments' factors are c.
+    pub fn state(&self, uv: Vec2, petal: Option<&PetalMap>) -> TissueState {
         let v = uv.y.clamp(0.0, 1.0);
         let GradientDescription { claw, rim } = self.gradient;
         let gradient = claw as f32 + (rim - claw) as f32 * v * v * (3.0 - 2.0 * v);
         let factor = gradient * self.texture.as_ref().map_or(1.0, |t| t.at(uv));
-        match &self.pattern {
-            None => PigmentFactors::both(factor),
-            Some(pattern) => pattern.factors(uv, petal).times(factor),
-        }
+        let state = self.pattern.as_ref().map_or(TissueState::SOUND, |pattern| pattern.state(uv, petal));
+        TissueState { pigment: state.pigment.times(factor), ..state }
     }
 
     /// Smallest and largest factor anywhere, of the upper and of the lower epidermis.
@@ -123,6 +168,14 @@ impl TabulatedPetal {
     pub fn bsdf(&self) -> &TabulatedBsdf {
         &self.bsdf
     }
+}
+
+/// Factors on the pigments of the four regions.
+fn scales(pigment: PigmentFactors) -> [f32; REGIONS] {
+    let mut scale = [1.0; REGIONS];
+    scale[0] = pigment.adaxial;
+    scale[REGIONS - 1] = pigment.abaxial;
+    scale
 }
 
 /// A grey picture.
@@ -182,6 +235,27 @@ fn colourless(tissue: &TissueDescription) -> TissueDescription {
     tissue
 }
 
+/// The tissue with its mesophyll `factor` times as thick, of the same stuff.
+fn in_thickness(tissue: &TissueDescription, factor: f64) -> TissueDescription {
+    let mut tissue = tissue.clone();
+    for slab in [&mut tissue.palisade, &mut tissue.spongy].into_iter().flatten() {
+        slab.thickness_um *= factor;
+        slab.pigments = slab.pigments.in_thickness(factor);
+    }
+    tissue
+}
+
+/// The tissue dead: brown all through, with what is left of its own pigments.
+fn dead(tissue: &Tissue, withered: &WitheredDescription) -> Tissue {
+    let mut tissue = tissue.clone();
+    let all: f64 = tissue.depth_um.iter().sum();
+    for (pigments, depth) in tissue.pigments.iter_mut().zip(tissue.depth_um) {
+        *pigments = pigments.scaled(withered.pigment);
+        pigments.brown += withered.brown * depth / all;
+    }
+    tissue
+}
+
 /// The first table in which two shapes differ.
 fn difference(
     (cells, tissue): (&CellDescription, &TissueDescription),
@@ -221,11 +295,22 @@ impl PetalDescription {
             }
         };
         let pattern = self.pattern.as_ref().map(|p| Pattern::new(p, &root("pattern"))).transpose()?;
-        let (optics, tissue) = self.optics(at, assets)?;
         let key = root(if self.optics.is_some() { "optics" } else { "tissue" });
-        let bsdf = key.says(TabulatedBsdf::of_tissue(&optics, &tissue))?;
+        let of = |factor: f64| {
+            let (optics, tissue) = self.optics(at, factor, assets)?;
+            Ok::<_, Error>((key.says(TabulatedBsdf::of_tissue(&optics, &tissue))?, optics, tissue))
+        };
+        let thicknesses = pattern.as_ref().and_then(Pattern::thicknesses);
+        let (bsdf, optics, tissue) = of(thicknesses.map_or(1.0, |t| t.1))?;
+        let thin = thicknesses.map(|t| of(t.0)).transpose()?.map(|t| t.0);
+        let withered = match pattern.as_ref().and_then(Pattern::withered) {
+            Some(withered) => Some(key.says(TabulatedBsdf::of_tissue(&optics, &dead(&tissue, withered)))?),
+            None => None,
+        };
         Ok(Petal::Tabulated(TabulatedPetal {
             bsdf,
+            thin,
+            withered,
             gradient: self.gradient.unwrap_or_default(),
             pattern,
             texture,
@@ -253,16 +338,23 @@ impl PetalDescription {
             }
         }
         if let Some(pattern) = &self.pattern {
-            Pattern::new(pattern, &root("pattern"))?;
+            let key = root("pattern");
+            let thickness = Pattern::new(pattern, &key)?.thicknesses();
+            if thickness.is_some() && (self.optics.is_some() || self.tissue.is_none()) {
+                return Err(key.at("thickness").invalid(
+                    "needs a `tissue` to measure at two thicknesses; `optics` hold one thickness only",
+                ));
+            }
         }
         self.build_tissue(at).map(|_| ())
     }
 
-    /// The measured petal and the tissue that colours it.
-    fn optics(&self, at: &str, assets: &dyn Assets) -> Result<(Arc<PetalOptics>, Tissue)> {
+    /// The petal measured with its mesophyll `thickness` times as thick, and the tissue that colours it.
+    fn optics(&self, at: &str, thickness: f64, assets: &dyn Assets) -> Result<(Arc<PetalOptics>, Tissue)> {
         let root = |name: &str| if at.is_empty() { Key::new(name) } else { Key::new(at).at(name) };
-        let own = match (&self.tissue, self.build_tissue(at)?) {
-            (Some(description), Some(tissue)) => Some((self.grown_cells(at)?, description, tissue)),
+        let petal = Self { tissue: self.tissue.as_ref().map(|t| in_thickness(t, thickness)), ..self.clone() };
+        let own = match (&petal.tissue, petal.build_tissue(at)?) {
+            (Some(description), Some(tissue)) => Some((petal.grown_cells(at)?, description, tissue)),
             _ => None,
         };
         if let Some(file) = &self.optics {
@@ -338,7 +430,7 @@ mod tests {
         let lambda = SampledWavelengths::given([500.0, 520.0, 530.0, 540.0, 550.0, 560.0, 580.0, 700.0]);
         let (wo, wi) = (Vec3::new(0.6, 0.0, 0.8), Vec3::new(0.0, 0.28, 0.96));
         let holds = |petal: &TabulatedPetal, uv: Vec2, epidermes: f32| {
-            let found = petal.at(petal.pigment(uv, None), &lambda).eval(wo, wi, &lambda);
+            let found = petal.at(petal.state(uv, None).pigment, &lambda).eval(wo, wi, &lambda);
             let wanted = petal.bsdf().at([epidermes, 1.0, 1.0, epidermes], &lambda).eval(wo, wi, &lambda);
             for lane in 0..8 {
                 assert!(
@@ -356,7 +448,7 @@ mod tests {
             holds(&graded, Vec2::new(0.4, v), scale);
         }
         let green = |petal: &TabulatedPetal, v: f32| {
-            petal.at(petal.pigment(Vec2::new(0.5, v), None), &lambda).albedo(wo)[0][3]
+            petal.at(petal.state(Vec2::new(0.5, v), None).pigment, &lambda).albedo(wo)[0][3]
         };
         assert!(green(&graded, 0.0) > 1.5 * green(&graded, 1.0));
         let text = "optics = \"sheet.optics\"\ntexture = \"spots.png\"\ngradient = { rim = 3.0 }";
@@ -400,6 +492,7 @@ mod tests {
             ),
             (format!("{optics}texture = \"none.png\""), "petal.texture: "),
             (format!("{optics}texture = \"sheet.optics\""), "petal.texture: "),
+            (format!("{optics}pattern.thickness.margin = 0.5"), "petal.pattern.thickness: needs a `tissue`"),
             ("[tissue]".to_owned(), "petal.tissue: has no layer"),
         ] {
             let e = described(&text).build("petal", &files()).unwrap_err().to_string();

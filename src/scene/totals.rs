@@ -23,7 +23,7 @@
 //! is that of the other way, what a viewer gets from white surroundings. Their hemispherical means are the same.
 //!
 //! R + T > 1 beyond rounding is an error that names the material and the wavelength.
-//! Guarded by `totals_are_the_integrals`, `totals_of_cells_are_what_they_scatter`, `totals_follow_the_pigment`, `totals_follow_both_sides`,
+//! Guarded by `totals_are_the_integrals`, `totals_of_cells_are_what_they_scatter`, `totals_follow_the_pigment`, `totals_follow_both_sides`, `totals_follow_the_tissues_of_a_place`,
 //! `more_light_than_arrives_is_an_error`. Source: Nicodemus et al., NBS Monograph 160, 1977, for the terms; the tables are
 //! our reading.
 
@@ -36,7 +36,7 @@ use rayon::prelude::*;
 
 use super::compile::Scene;
 use super::material::Material;
-use super::pattern::PigmentFactors;
+use super::pattern::{PigmentFactors, TissueState};
 use super::tabulated::Petal;
 use crate::bsdf::lobe_albedo::{lobe_albedo, lobe_solid_angle_sr};
 use crate::geometry::Side;
@@ -64,12 +64,12 @@ type Shares = [SampledSpectrum; 2];
 /// Totals of one material at fixed wavelengths, eight ([`LANES`]) at a time: a chunk.
 #[derive(Clone, Debug)]
 pub struct MaterialTotals {
-    /// `[chunk][factor][side][cosine]`.
+    /// `[chunk][tissue][factor][side][cosine]`.
     directional: Vec<Shares>,
-    /// `[chunk][factor][side]`.
+    /// `[chunk][tissue][factor][side]`.
     means: Vec<Shares>,
-    /// What chooses among the tables.
-    pigment: Variation,
+    /// What chooses among the tables of each tissue of [`TissueState::shares`]; nodes are none where there is no such tissue.
+    tissues: [Option<Variation>; 3],
     standard_error: f32,
 }
 
@@ -114,10 +114,15 @@ pub fn spread(weights: &mut [f32; COSINES], cos: f32, light: f32) {
 impl MaterialTotals {
     /// Totals of `material` at these wavelengths. `key` names it in errors.
     pub fn new(key: &str, material: &Material, wavelengths: &[SampledWavelengths]) -> Result<Self> {
-        let pigment = Variation::of(material);
-        let factors = pigment.nodes();
+        let tissues = Variation::of_tissues(material);
+        let nodes: Vec<(usize, PigmentFactors)> = tissues
+            .iter()
+            .enumerate()
+            .filter_map(|(k, v)| Some((k, v.as_ref()?)))
+            .flat_map(|(k, v)| (0..v.nodes()).map(move |node| (k, v.factors(node))))
+            .collect();
         let mut standard_error = 0.0f32;
-        let mut directional = Vec::with_capacity(wavelengths.len() * factors * 2 * COSINES);
+        let mut directional = Vec::with_capacity(wavelengths.len() * nodes.len() * 2 * COSINES);
         let domes = match material {
             Material::Petal(petal) => match &**petal {
                 Petal::Cells(cells) => Domes::measure(cells, wavelengths),
@@ -126,10 +131,10 @@ impl MaterialTotals {
             _ => Vec::new(),
         };
         for (chunk, lambda) in wavelengths.iter().enumerate() {
-            for factor in 0..factors {
+            for (tissue, factors) in &nodes {
                 let coloured = match material {
                     Material::Petal(petal) => match &**petal {
-                        Petal::Tabulated(petal) => Some(petal.at(pigment.factors(factor), lambda)),
+                        Petal::Tabulated(petal) => Some(petal.tissue(*tissue, *factors, lambda)),
                         Petal::Cells(_) => None,
                     },
                     _ => None,
@@ -176,7 +181,7 @@ impl MaterialTotals {
             standard_error = standard_error.max(d.standard_error);
         }
         let means = directional.chunks(COSINES).map(mean).collect();
-        Ok(Self { directional, means, pigment, standard_error })
+        Ok(Self { directional, means, tissues, standard_error })
     }
 
     /// Totals of every material of a scene, by its id; nothing for those that no shape is made of.
@@ -205,39 +210,39 @@ impl MaterialTotals {
         Self {
             directional,
             means: vec![black; chunks * 2],
-            pigment: Variation::None(PigmentFactors::ONE),
+            tissues: [Some(Variation::None(PigmentFactors::ONE)), None, None],
             standard_error: 0.0,
         }
     }
 
     /// Reflected and transmitted share of light that falls on `side` at the cosine `cos` from the normal, where the
-    /// pigment is `pigment` times the tissue's, at the wavelengths of a chunk.
+    /// tissue is in a state, at the wavelengths of a chunk.
     pub fn at(
         &self,
-        pigment: PigmentFactors,
+        state: TissueState,
         cos: f32,
         side: Side,
         chunk: usize,
     ) -> (SampledSpectrum, SampledSpectrum) {
         let (node, t) = place(cos);
-        let at = |factor: usize| {
-            let first = self.row(chunk, factor, side) * COSINES + node;
+        let at = |row: usize| {
+            let first = self.row(chunk, row, side) * COSINES + node;
             mix(self.directional[first], self.directional[first + 1], t)
         };
-        let [r, t] = self.at_pigment(pigment, at);
+        let [r, t] = self.in_state(state, at);
         (r, t)
     }
 
     /// The same for much light at once: `weights[k]` of it at the k-th of the tables' cosines ([`spread`]).
     pub fn of_light(
         &self,
-        pigment: PigmentFactors,
+        state: TissueState,
         weights: &[f32; COSINES],
         side: Side,
         chunk: usize,
     ) -> (SampledSpectrum, SampledSpectrum) {
-        let at = |factor: usize| {
-            let first = self.row(chunk, factor, side) * COSINES;
+        let at = |row: usize| {
+            let first = self.row(chunk, row, side) * COSINES;
             let mut sum = [SampledSpectrum::ZERO; 2];
             for (shares, w) in self.directional[first..first + COSINES].iter().zip(weights) {
                 if *w != 0.0 {
@@ -247,35 +252,42 @@ impl MaterialTotals {
             }
             sum
         };
-        let [r, t] = self.at_pigment(pigment, at);
+        let [r, t] = self.in_state(state, at);
         (r, t)
     }
 
     /// The same for light from everywhere on that side.
-    pub fn mean(
-        &self,
-        pigment: PigmentFactors,
-        side: Side,
-        chunk: usize,
-    ) -> (SampledSpectrum, SampledSpectrum) {
-        let [r, t] = self.at_pigment(pigment, |factor| self.means[self.row(chunk, factor, side)]);
+    pub fn mean(&self, state: TissueState, side: Side, chunk: usize) -> (SampledSpectrum, SampledSpectrum) {
+        let [r, t] = self.in_state(state, |row| self.means[self.row(chunk, row, side)]);
         (r, t)
     }
 
-    fn at_pigment(&self, pigment: PigmentFactors, at: impl Fn(usize) -> Shares) -> Shares {
-        let [up, down] = self.pigment.place(pigment);
-        let row = |first: usize| match down.step {
-            0 => at(first),
-            step => mix(at(first), at(first + step), down.weight),
-        };
-        match (up.node + down.node, up.step) {
-            (first, 0) => row(first),
-            (first, step) => mix(row(first), row(first + step), up.weight),
+    /// The mean over the tissues by their shares; each between the nodes of its pigments.
+    fn in_state(&self, state: TissueState, at: impl Fn(usize) -> Shares) -> Shares {
+        let mut sum = [SampledSpectrum::ZERO; 2];
+        let mut base = 0;
+        for (variation, share) in self.tissues.iter().zip(state.shares()) {
+            let Some(variation) = variation else { continue };
+            if share > 0.0 {
+                let [up, down] = variation.place(state.pigment);
+                let row = |first: usize| match down.step {
+                    0 => at(base + first),
+                    step => mix(at(base + first), at(base + first + step), down.weight),
+                };
+                let [r, t] = match (up.node + down.node, up.step) {
+                    (first, 0) => row(first),
+                    (first, step) => mix(row(first), row(first + step), up.weight),
+                };
+                sum = [sum[0] + r * share, sum[1] + t * share];
+            }
+            base += variation.nodes();
         }
+        sum
     }
 
-    fn row(&self, chunk: usize, factor: usize, side: Side) -> usize {
-        (chunk * self.pigment.nodes() + factor) * 2 + side as usize
+    fn row(&self, chunk: usize, row: usize, side: Side) -> usize {
+        let rows: usize = self.tissues.iter().flatten().map(Variation::nodes).sum();
+        (chunk * rows + row) * 2 + side as usize
     }
 
     /// Largest standard error of a measured share; zero where nothing was measured.

@@ -4,7 +4,7 @@ use glam::{Vec2, Vec3};
 
 use super::compile::Scene;
 use super::material::Material;
-use super::pattern::PigmentFactors;
+use super::pattern::TissueState;
 use super::tabulated::Petal;
 use crate::geometry::ray::offset_origin;
 use crate::geometry::{Interaction, Ray};
@@ -79,15 +79,15 @@ impl Scene {
         })
     }
 
-    /// Factors on the pigments of a shape's epidermes at texture coordinates; one for all materials that have none.
-    pub fn pigment(&self, shape: u32, uv: Vec2) -> PigmentFactors {
+    /// What a shape's petal is made of at texture coordinates; sound for all materials that do not vary.
+    pub fn tissue(&self, shape: u32, uv: Vec2) -> TissueState {
         let shape = &self.shapes[shape as usize];
         match &self.materials[shape.material as usize] {
             Material::Petal(petal) => match &**petal {
-                Petal::Tabulated(petal) => petal.pigment(uv, shape.petal.as_deref()),
-                Petal::Cells(_) => PigmentFactors::ONE,
+                Petal::Tabulated(petal) => petal.state(uv, shape.petal.as_deref()),
+                Petal::Cells(_) => TissueState::SOUND,
             },
-            _ => PigmentFactors::ONE,
+            _ => TissueState::SOUND,
         }
     }
 
@@ -118,7 +118,7 @@ impl Scene {
             let Some(sheet) = self.intersect(&ray) else { return share };
             let material = &self.materials[self.shapes[sheet.shape as usize].material as usize];
             let towards_light = sheet.frame.to_local(ray.direction);
-            share *= material.transmittance(towards_light, self.pigment(sheet.shape, sheet.uv), lambda);
+            share *= material.transmittance(towards_light, self.tissue(sheet.shape, sheet.uv), lambda);
             if share.max() < 1e-4 {
                 break;
             }

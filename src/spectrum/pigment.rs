@@ -7,6 +7,7 @@
 //! | pigment | k | data |
 //! |---|---|---|
 //! | anthocyanin, carotenoid, chlorophyll, water | in living leaves, 400-2500 nm (Feret2017) | `data/pigments_prospect.csv` |
+//! | brown products of dead cells | in withered leaves, per arbitrary unit; nothing beyond 1100 nm (Feret2017) | the same |
 //! | flavonol | two Gaussian bands in wavenumber | below |
 //!
 //! - From 400 down to 380 nm k is held at its value at 400 nm (our reading). Below 380 nm only flavonol has data, to 240 nm.
@@ -132,6 +133,12 @@ pub fn water_per_cm(wavelength_nm: f64) -> Result<f64> {
     Ok(table::interpolate(&data().water, wavelength_nm))
 }
 
+/// Absorption of the brown products of dead cells, per unit of PROSPECT.
+pub fn brown_per_unit(wavelength_nm: f64) -> Result<f64> {
+    within("brown", wavelength_nm, FIRST_NM)?;
+    Ok(table::interpolate(&data().brown, wavelength_nm))
+}
+
 /// Are there data for a substance at a wavelength?
 fn within(name: &str, wavelength_nm: f64, first_nm: f64) -> Result<()> {
     if (first_nm..=LAST_NM).contains(&wavelength_nm) {
@@ -159,6 +166,7 @@ struct Data {
     carotenoid: Vec<(f64, f64)>,
     chlorophyll: Vec<(f64, f64)>,
     water: Vec<(f64, f64)>,
+    brown: Vec<(f64, f64)>,
 }
 
 fn data() -> &'static Data {
@@ -172,6 +180,7 @@ fn data() -> &'static Data {
                 carotenoid: t.points(Some("carotenoid_cm2_per_ug"))?,
                 chlorophyll: t.points(Some("chlorophyll_cm2_per_ug"))?,
                 water: t.points(Some("water_per_cm"))?,
+                brown: t.points(Some("brown_per_unit"))?,
             })
         };
         read().expect("the built-in table is tested")
@@ -233,6 +242,9 @@ mod tests {
         ] {
             let k = water_per_cm(l).expect("known");
             assert!((k / published - 1.0).abs() < 0.006, "{l}: {k}");
+        }
+        for (l, published) in [(400.0, 0.5272), (550.0, 0.3511), (650.0, 0.189), (1200.0, 0.0)] {
+            assert_eq!(brown_per_unit(l).expect("known"), published);
         }
         assert_eq!(peak_nm(|l| at(Pigment::Anthocyanin, l), 420..780), ANTHOCYANIN_PEAK_NM);
         assert_eq!(peak_nm(|l| at(Pigment::Carotenoid, l), 400..780), 444.0);

@@ -3,7 +3,7 @@
 //! Model: Beer-Lambert along a path of length l: `exp(-mu_a l)`,
 //!
 //! ```text
-//! mu_a = (sum over pigments of k(lambda) c + k_water(lambda) w) / d
+//! mu_a = (sum over pigments of k(lambda) c + k_brown(lambda) b + k_water(lambda) w) / d
 //! c = 0.1 M C d   where a concentration C is given: mol/L x g/mol = 1e3 ug/cm3, times d in um = 1e-4 cm
 //! ```
 //!
@@ -12,6 +12,7 @@
 //! | c | `anthocyanin_ug_per_cm2`, `carotenoid_...`, `chlorophyll_...`, `flavonol_...` | ug per cm2 of petal | 0 |
 //! | C | `anthocyanin_mol_per_l`, `carotenoid_...`, `chlorophyll_...`, `flavonol_...` | mol per L of the layer | 0 |
 //! | peak of the band | `anthocyanin_peak_nm` | nm | 535 |
+//! | b | `brown`: products of dead cells | PROSPECT's arbitrary unit | 0 |
 //! | w | `water_um`: equivalent thickness of water | um | 0 |
 //! | d | volume of the layer per area of petal | um | |
 //! | k, M | [`Pigment`]: specific absorption, molar mass | cm2/ug, g/mol | |
@@ -26,7 +27,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::pigment::{
-    ANTHOCYANIN_PEAK_NM, MAX_UG_PER_CM2, Pigment, anthocyanin_moved_cm2_per_ug, water_per_cm,
+    ANTHOCYANIN_PEAK_NM, MAX_UG_PER_CM2, Pigment, anthocyanin_moved_cm2_per_ug, brown_per_unit, water_per_cm,
 };
 use crate::{Error, Result};
 
@@ -34,6 +35,8 @@ use crate::{Error, Result};
 const MAX_MOL_PER_L: f64 = 1.0;
 /// Peaks that the anthocyanin band may have, nm.
 const PEAKS_NM: (f64, f64) = (490.0, 580.0);
+/// Most brown products; PROSPECT's leaves have up to about 1.
+const MAX_BROWN: f64 = 100.0;
 /// Thickest water, um.
 const MAX_WATER_UM: f64 = 1e5;
 
@@ -66,6 +69,10 @@ pub struct Pigments {
     /// Flavonol, mol per litre of the layer, 0 to 1, counted as quercitrin. Default 0.
     #[serde(skip_serializing_if = "is_zero")]
     pub flavonol_mol_per_l: f64,
+    /// Brown products of dead cells, per area of petal, in the arbitrary unit of PROSPECT: 1 makes a leaf brown, 0 to 100.
+    /// Default 0.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub brown: f64,
     /// Water in the layer as the thickness of a film, um, 0 to 1e5; absorbs beyond 900 nm. Default 0.
     #[serde(skip_serializing_if = "is_zero")]
     pub water_um: f64,
@@ -87,6 +94,7 @@ impl Default for Pigments {
             chlorophyll_mol_per_l: 0.0,
             flavonol_ug_per_cm2: 0.0,
             flavonol_mol_per_l: 0.0,
+            brown: 0.0,
             water_um: 0.0,
         }
     }
@@ -127,12 +135,15 @@ impl Pigments {
             }
         }
         within("anthocyanin_peak_nm", self.anthocyanin_peak_nm, PEAKS_NM.0, PEAKS_NM.1, "nm")?;
+        within("brown", self.brown, 0.0, MAX_BROWN, "units")?;
         within("water_um", self.water_um, 0.0, MAX_WATER_UM, "um")
     }
 
     /// Does the layer absorb nothing?
     pub fn is_empty(&self) -> bool {
-        self.water_um == 0.0 && self.given().iter().all(|(_, a, b)| *a == 0.0 && *b == 0.0)
+        self.water_um == 0.0
+            && self.brown == 0.0
+            && self.given().iter().all(|(_, a, b)| *a == 0.0 && *b == 0.0)
     }
 
     /// The same layer with every amount of pigment times `factor`; the water stays.
@@ -147,7 +158,21 @@ impl Pigments {
             chlorophyll_mol_per_l: self.chlorophyll_mol_per_l * factor,
             flavonol_ug_per_cm2: self.flavonol_ug_per_cm2 * factor,
             flavonol_mol_per_l: self.flavonol_mol_per_l * factor,
+            brown: self.brown * factor,
             water_um: self.water_um,
+        }
+    }
+
+    /// What a layer holds that is `factor` times as thick and made of the same stuff.
+    pub fn in_thickness(&self, factor: f64) -> Self {
+        Self {
+            anthocyanin_ug_per_cm2: self.anthocyanin_ug_per_cm2 * factor,
+            carotenoid_ug_per_cm2: self.carotenoid_ug_per_cm2 * factor,
+            chlorophyll_ug_per_cm2: self.chlorophyll_ug_per_cm2 * factor,
+            flavonol_ug_per_cm2: self.flavonol_ug_per_cm2 * factor,
+            brown: self.brown * factor,
+            water_um: self.water_um * factor,
+            ..self.clone()
         }
     }
 
@@ -174,6 +199,9 @@ impl Pigments {
                         _ => pigment.cm2_per_ug(wavelength_nm)?,
                     };
             }
+        }
+        if self.brown > 0.0 {
+            depth += brown_per_unit(wavelength_nm)? * self.brown;
         }
         if self.water_um > 0.0 {
             depth += water_per_cm(wavelength_nm)? * self.water_um * 1e-4;
@@ -211,6 +239,19 @@ mod tests {
                 let (a, b) = (a.expect("known"), b.expect("known"));
                 assert!((a - b).abs() <= 1e-12 * a, "{name} {l}: {a} {b}");
             }
+        }
+        // Brown: 0.3511 per unit at 550 nm.
+        let brown = read("brown = 2.0").expect("valid");
+        let mu = brown.absorption_per_um(50.0, 550.0).expect("known");
+        assert!((mu * 50.0 - 0.7022).abs() < 1e-9, "{mu}");
+        // Of the same stuff: the same coefficient in any thickness.
+        let layer =
+            read("anthocyanin_mol_per_l = 0.01\ncarotenoid_ug_per_cm2 = 2.0\nbrown = 1.0\nwater_um = 30.0")
+                .expect("valid");
+        for l in [450.0, 1000.0] {
+            let mu = layer.absorption_per_um(40.0, l).expect("known");
+            let half = layer.in_thickness(0.5).absorption_per_um(20.0, l).expect("known");
+            assert!((mu - half).abs() < 1e-12 * mu, "{l}: {mu} {half}");
         }
         // Water: 30.54 1/cm at 1450 nm, 150 um of it in a layer of 200 um.
         let wet = read("water_um = 150.0").expect("valid");
@@ -261,6 +302,7 @@ mod tests {
             ("chlorophyll_mol_per_l = nan", "chlorophyll_mol_per_l: NaN"),
             ("flavonol_mol_per_l = 1.5", "flavonol_mol_per_l: 1.5"),
             ("anthocyanin_peak_nm = 450.0", "anthocyanin_peak_nm: 450"),
+            ("brown = -0.5", "brown: -0.5"),
             ("water_um = inf", "water_um: inf"),
         ] {
             let e = read(text).expect_err(text).to_string();

@@ -135,8 +135,8 @@ impl CameraSamples<'_> {
         if let Some(at) = &light.first {
             let shape = &self.scene.shapes[at.shape as usize];
             let wo = at.frame.to_local(-camera.ray.direction);
-            let pigment = self.scene.pigment(at.shape, at.uv);
-            let albedo = self.scene.materials[shape.material as usize].albedo(wo, pigment, &lambda);
+            let state = self.scene.tissue(at.shape, at.uv);
+            let albedo = self.scene.materials[shape.material as usize].albedo(wo, state, &lambda);
             sample.albedo = self.rgb(&(albedo * d65().sample(&lambda)), &lambda);
             sample.normal = at.frame.n;
             sample.depth_mm = at.t;

@@ -18,6 +18,7 @@ use crate::geometry::{Interaction, Side};
 use crate::gonio::AtPigment;
 use crate::math::Sampler;
 use crate::math::frame::same_side;
+use crate::math::sampler::{hash, hash_to_unit};
 use crate::micro::shading::{CellPetal, Footprint, Points};
 use crate::scene::{Petal, Scattering, Scene};
 use crate::spectrum::{SampledSpectrum, SampledWavelengths};
@@ -64,7 +65,9 @@ impl<'a> Shading<'a> {
             Scattering::Bsdf(bsdf) => Model::Bsdf(bsdf),
             Scattering::Petal(Petal::Cells(petal)) => Model::Cells(petal),
             Scattering::Petal(Petal::Tabulated(petal)) => {
-                Model::Tabulated(petal.at(scene.pigment(at.shape, at.uv), lambda))
+                let state = scene.tissue(at.shape, at.uv);
+                let u = if petal.is_pure() { 0.0 } else { number_of(at.p, lambda) };
+                Model::Tabulated(petal.pick(state, lambda, u))
             }
         };
         let footprint = match pixel {
@@ -213,6 +216,12 @@ impl<'a> Shading<'a> {
         let direction = self.at.frame.to_world(wi_local).normalize();
         self.consistent(direction, wi_local).then_some(Next { direction, weight, pdf_per_sr })
     }
+}
+
+/// A number in [0, 1) for one point of one path, so that what a place is a mixture of is picked without a sample of its own.
+fn number_of(p: Vec3, lambda: &SampledWavelengths) -> f32 {
+    let all = p.to_array().into_iter().chain([lambda.lambda_nm()[0]]);
+    hash_to_unit(all.fold(0x71_55e5, |h, x| hash(h ^ x.to_bits()))) as f32
 }
 
 #[cfg(test)]

@@ -38,6 +38,7 @@ pub(crate) fn others(tissue: &Tissue) -> [Pigments; REGIONS] {
     tissue.pigments.clone().map(|p| Pigments {
         flavonol_ug_per_cm2: p.flavonol_ug_per_cm2,
         flavonol_mol_per_l: p.flavonol_mol_per_l,
+        brown: p.brown,
         water_um: p.water_um,
         ..Pigments::default()
     })

@@ -81,7 +81,7 @@ impl Component {
     }
 
     /// Adds the interpolated value of each class.
-    #[inline]
+    #[inline(always)]
     pub(super) fn add(&self, place: &Place, sums: &mut [f32]) {
         for (first, weight) in self.table.corners(place) {
             for (sum, v) in sums.iter_mut().zip(&self.table.values[first..first + self.table.classes]) {

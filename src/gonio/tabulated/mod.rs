@@ -39,6 +39,7 @@ use crate::bsdf::{Bsdf, BsdfSample, Lobe};
 use crate::geometry::Side;
 use crate::math::exp::{exp, ln};
 use crate::math::frame::same_side;
+use crate::math::widest;
 use crate::micro::{REGIONS, Tissue};
 use crate::spectrum::spectra::DENSE_SAMPLES;
 use crate::spectrum::{LANES, SampledSpectrum, SampledWavelengths, Spectrum, VISIBLE_NM};
@@ -196,6 +197,18 @@ fn remain(
     ways_um: &[[(f32, f32); REGIONS]],
     remaining: &mut [[f32; LANES]],
 ) {
+    widest(
+        #[inline(always)]
+        || remain_inline(mu, ways_um, remaining),
+    );
+}
+
+#[inline(always)]
+fn remain_inline(
+    mu: &[SampledSpectrum; REGIONS],
+    ways_um: &[[(f32, f32); REGIONS]],
+    remaining: &mut [[f32; LANES]],
+) {
     let coloured: [bool; REGIONS] = std::array::from_fn(|r| !mu[r].is_zero());
     for (remaining, ways) in remaining.iter_mut().zip(ways_um) {
         let mut depth = [0.0; LANES];
@@ -279,11 +292,19 @@ impl AtPigment<'_> {
             return SampledSpectrum::ZERO;
         }
         let place = place(wo, wi);
+        widest(
+            #[inline(always)]
+            || self.value_at(&place),
+        )
+    }
+
+    #[inline(always)]
+    fn value_at(&self, place: &Place) -> SampledSpectrum {
         let mut surface = [0.0];
-        self.table.surface.add(&place, &mut surface);
+        self.table.surface.add(place, &mut surface);
         let mut interior = [0.0; MAX_CLASSES];
         let interior = &mut interior[..self.table.interior.classes()];
-        self.table.interior.add(&place, interior);
+        self.table.interior.add(place, interior);
         let mut f = [surface[0]; LANES];
         for (i, remaining) in interior.iter().zip(&self.remaining) {
             for (f, r) in f.iter_mut().zip(remaining) {

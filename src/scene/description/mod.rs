@@ -35,7 +35,7 @@ pub use material::{
 };
 pub use pattern::{
     AgeDescription, BlotchDescription, ClawSpotDescription, CourseDescription, MarginDescription,
-    PatternDescription, VeinPigmentDescription,
+    PatternDescription, ThicknessDescription, VeinPigmentDescription, WitheredDescription,
 };
 pub use petal::{
     GradientDescription, LayerDescription, PetalDescription, ShadingDescription, ShadingModel,

@@ -3,9 +3,9 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// `[petal.pattern]`: factors on the pigments of the two epidermes, over each petal and from petal to petal. All tables
-/// multiply each other, `gradient` and `texture`. Only the petals of a grown rose have margin, veins, age and blotches; other
-/// shapes have the courses and the claw spot along v.
+/// `[petal.pattern]`: factors on the pigments of the two epidermes, over each petal and from petal to petal, and where the
+/// petal is thin or withered. All factors multiply each other, `gradient` and `texture`. Only the petals of a grown rose have margin,
+/// veins, age, blotches, thickness and withered patches; other shapes have the courses and the claw spot along v.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct PatternDescription {
@@ -28,6 +28,12 @@ pub struct PatternDescription {
     /// Unevenness of the blade.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub blotches: Option<BlotchDescription>,
+    /// Thickness of the mesophyll.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub thickness: Option<ThicknessDescription>,
+    /// Withered patches of the margin.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub withered: Option<WitheredDescription>,
 }
 
 /// Factor on the pigment of one epidermis at three places, with a smooth course between them.
@@ -132,5 +138,43 @@ pub struct BlotchDescription {
 impl Default for BlotchDescription {
     fn default() -> Self {
         Self { amplitude: 0.15, scale_mm: 6.0 }
+    }
+}
+
+/// Thickness of palisade and spongy mesophyll, in parts of the tissue's. Needs `[tissue]`; measures a second one.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct ThicknessDescription {
+    /// At the margin, 0.2 to 1. Default 0.5.
+    pub margin: f64,
+    /// From how far inside the petal is as thick as the tissue, mm. 0.1 to 100. Default 20.
+    pub width_mm: f64,
+    /// Added on a vein, 0 to 2. Default 0.3.
+    pub veins: f64,
+}
+
+impl Default for ThicknessDescription {
+    fn default() -> Self {
+        Self { margin: 0.5, width_mm: 20.0, veins: 0.3 }
+    }
+}
+
+/// Dead tissue at the margin of a petal, more of it the older the petal is.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct WitheredDescription {
+    /// Part of the margin of the outermost petal that has it, 0 to 1; less of it on younger ones. Default 0.3.
+    pub extent: f64,
+    /// How far it reaches into the petal at most, mm. 0.1 to 100. Default 3.
+    pub width_mm: f64,
+    /// Brown products per area, PROSPECT's units, 0 to 100. Default 6.
+    pub brown: f64,
+    /// Factor on what is left of the tissue's own pigments, 0 to 10. Default 0.3.
+    pub pigment: f64,
+}
+
+impl Default for WitheredDescription {
+    fn default() -> Self {
+        Self { extent: 0.3, width_mm: 3.0, brown: 6.0, pigment: 0.3 }
     }
 }

@@ -5,7 +5,7 @@ use crate::bsdf::Bsdf;
 use crate::flower::{OrganKind, RoseDescription, grow};
 use crate::scene::description::PetalDescription;
 use crate::scene::{MemoryAssets, Petal, Scene, TabulatedPetal, compile, load};
-use crate::spectrum::SampledWavelengths;
+use crate::spectrum::{SampledSpectrum, SampledWavelengths};
 use crate::validate::sheet;
 
 const ALL: &str = "
@@ -16,6 +16,7 @@ const ALL: &str = "
     margin = { factor = 3.0, width_mm = 3.0 }
     age = { inner = 0.5, outer = 1.4 }
     blotches = { amplitude = 0.4, scale_mm = 4.0 }
+    withered = { extent = 0.5 }
 ";
 
 fn pattern(text: &str) -> Pattern {
@@ -57,7 +58,7 @@ fn factors_keep_their_range() {
     let mut seen = [(f32::INFINITY, 0.0f32); 2];
     for map in maps(&all).iter().map(Some).chain([None]) {
         for uv in grid(60).chain([Vec2::splat(-3.0), Vec2::splat(7.0)]) {
-            let f = all.factors(uv, map);
+            let f = all.state(uv, map).pigment;
             for (value, (range, seen)) in
                 [f.adaxial, f.abaxial].into_iter().zip(ranges.into_iter().zip(&mut seen))
             {
@@ -68,7 +69,7 @@ fn factors_keep_their_range() {
     }
     // They are used, too.
     assert!(seen[0].0 < 0.02 && seen[0].1 > 0.5 * ranges[0].1, "{seen:?} {ranges:?}");
-    assert_eq!(pattern("").factors(Vec2::splat(0.3), None), PigmentFactors::ONE);
+    assert_eq!(pattern("").state(Vec2::splat(0.3), None), TissueState::SOUND);
     assert_eq!(pattern("").ranges(), [(1.0, 1.0); 2]);
 }
 
@@ -81,7 +82,7 @@ fn patterns_lie_where_they_should() {
     let map = &maps(&veins)[2];
     for uv in grid(50) {
         let at = map.at(uv);
-        let of = |p: &Pattern| p.factors(uv, Some(map)).adaxial;
+        let of = |p: &Pattern| p.state(uv, Some(map)).pigment.adaxial;
         if at.along < 0.16 || at.along > 0.3 {
             assert_eq!(of(&spot) < 0.2, at.along < 0.3, "{uv}");
         }
@@ -89,16 +90,17 @@ fn patterns_lie_where_they_should() {
             assert_eq!(of(&band) > 2.0, at.margin_mm < 2.0, "{uv}");
         }
         assert!((of(&veins) - 1.0 - 2.0 * at.vein).abs() < 1e-6);
-        assert_eq!(veins.factors(uv, Some(map)).abaxial, 1.0);
+        assert_eq!(veins.state(uv, Some(map)).pigment.abaxial, 1.0);
         assert!((of(&age) - 2.0 * map.age).abs() < 1e-6);
     }
-    let ages: Vec<f32> = maps(&age).iter().map(|m| age.factors(Vec2::splat(0.5), Some(m)).adaxial).collect();
+    let ages: Vec<f32> =
+        maps(&age).iter().map(|m| age.state(Vec2::splat(0.5), Some(m)).pigment.adaxial).collect();
     assert!(ages.is_sorted() && ages[4] > 1.2 + ages[0], "{ages:?}");
     // Patches have no mean of their own and differ from petal to petal.
     let blotches = pattern("blotches = { amplitude = 0.5, scale_mm = 2 }");
     let of: Vec<Vec<f32>> = maps(&blotches)
         .iter()
-        .map(|m| grid(80).map(|uv| blotches.factors(uv, Some(m)).adaxial).collect())
+        .map(|m| grid(80).map(|uv| blotches.state(uv, Some(m)).pigment.adaxial).collect())
         .collect();
     let mean = |v: &[f32]| v.iter().sum::<f32>() / v.len() as f32;
     let all: Vec<f32> = of.iter().flatten().copied().collect();
@@ -113,7 +115,7 @@ fn sides_differ_as_asked() {
     let lambda = SampledWavelengths::given([500.0, 520.0, 530.0, 540.0, 550.0, 560.0, 580.0, 700.0]);
     let petal =
         petal("abaxial = { claw = 0, middle = 0, rim = 0 }\nadaxial = { claw = 3, middle = 3, rim = 3 }");
-    let at = petal.at(petal.pigment(Vec2::splat(0.5), None), &lambda);
+    let at = petal.at(petal.state(Vec2::splat(0.5), None).pigment, &lambda);
     let (w, down) = (Vec3::new(0.6, 0.0, 0.8), Vec3::new(0.6, 0.0, -0.8));
     let wanted = petal.bsdf().at([3.0, 1.0, 1.0, 0.0], &lambda);
     assert_eq!(at.eval(w, Vec3::Z, &lambda), wanted.eval(w, Vec3::Z, &lambda));
@@ -144,6 +146,86 @@ fn extreme_pigment_keeps_the_laws() {
     }
 }
 
+#[test]
+fn margins_are_thin_and_old_ones_wither() {
+    let thin = pattern("thickness = { margin = 0.4, width_mm = 5, veins = 0 }");
+    let veined = pattern("thickness = { margin = 0.4, width_mm = 5, veins = 0.5 }");
+    let dead = pattern("withered = { extent = 0.4, width_mm = 2 }");
+    assert_eq!(thin.thicknesses(), Some((0.4, 1.0)));
+    assert_eq!(pattern("thickness = { margin = 1, veins = 0 }").thicknesses(), None);
+    let mut brown = Vec::new();
+    for map in &maps(&veined) {
+        let mut sum = 0.0;
+        for uv in grid(60) {
+            let (at, of) = (map.at(uv), |p: &Pattern| p.state(uv, Some(map)));
+            let thickness = 1.0 - 0.6 * of(&thin).thin;
+            assert!(at.margin_mm < 5.0 || thickness == 1.0, "{uv}");
+            assert!(at.margin_mm > 0.0 || (thickness - 0.4).abs() < 1e-6, "{uv}");
+            assert!((1.5 - 1.1 * of(&veined).thin - thickness - 0.5 * at.vein).abs() < 1e-5, "{uv}");
+            let state = of(&dead);
+            assert!((0.0..=1.0).contains(&state.withered));
+            assert!(at.margin_mm < 2.0 || state.withered == 0.0, "{uv}");
+            assert!((state.shares().iter().sum::<f32>() - 1.0).abs() < 1e-6);
+            sum += state.withered;
+        }
+        brown.push(sum);
+    }
+    assert!(brown[4] > 20.0 && brown[0] < 0.2 * brown[4], "{brown:?}");
+}
+
+#[test]
+fn places_mix_what_they_are_made_of() {
+    let lambda = SampledWavelengths::given([450.0, 500.0, 540.0, 580.0, 620.0, 660.0, 700.0, 740.0]);
+    let petal = petal("thickness = { margin = 0.5, veins = 0.5 }\nwithered = { brown = 8 }");
+    let wo = Vec3::new(0.6, 0.0, 0.8);
+    let of = |thin: f32, withered: f32| TissueState { thin, withered, ..TissueState::SOUND };
+    let f = |state: TissueState, u: f32| petal.pick(state, &lambda, u).albedo(wo)[1];
+    let [thick, thin, dead] = [f(of(0.0, 0.0), 0.3), f(of(1.0, 0.0), 0.3), f(of(0.3, 1.0), 0.3)];
+    // A thin petal lets more through, a dead one is brown: less of blue than of red.
+    for lane in 0..8 {
+        assert!(thin[lane] > 1.1 * thick[lane], "{thin:?} {thick:?}");
+    }
+    assert!(dead[0] / thick[0] < 0.6 * dead[6] / thick[6], "{dead:?} {thick:?}");
+    // Each is picked as often as there is of it, and totals know the mean.
+    let state = of(0.25, 0.2);
+    let n = 400;
+    let (mut sum, mut brown) = (SampledSpectrum::ZERO, 0);
+    for k in 0..n {
+        let picked = f(state, (k as f32 + 0.5) / n as f32);
+        sum += picked * (1.0 / n as f32);
+        brown += usize::from(picked == dead);
+    }
+    assert_eq!(brown, n / 5);
+    for lane in 0..8 {
+        let wanted = 0.6 * thick[lane] + 0.2 * thin[lane] + 0.2 * dead[lane];
+        assert!((sum[lane] / wanted - 1.0).abs() < 1e-4, "{} {wanted}", sum[lane]);
+        assert!((petal.albedo(wo, state, &lambda)[1][lane] / wanted - 1.0).abs() < 1e-4);
+    }
+}
+
+/// Between the two measured thicknesses the BSDF is linear; the real petal is not quite.
+#[test]
+fn thickness_is_nearly_linear() {
+    let lambda = SampledWavelengths::given([450.0, 500.0, 540.0, 580.0, 620.0, 660.0, 700.0, 740.0]);
+    let of = |factor: f64| {
+        let text = format!(
+            "walks = 100000\n[tissue.adaxial]\n[tissue.abaxial]\n[tissue.spongy]\nthickness_um = {}\nscattering_per_mm = 100.0\nanisotropy = 0.5",
+            100.0 * factor
+        );
+        let d: PetalDescription = load(&text, "petal.toml", &[]).unwrap().description;
+        match d.build("petal", &MemoryAssets::default()).unwrap() {
+            Petal::Tabulated(petal) => petal.at(PigmentFactors::ONE, &lambda).albedo(Vec3::Z).map(|a| a[0]),
+            Petal::Cells(_) => panic!("a tissue was given"),
+        }
+    };
+    let (thin, middle, thick) = (of(0.5), of(0.75), of(1.0));
+    for way in 0..2 {
+        let mixed = 0.5 * (thin[way] + thick[way]);
+        assert!((mixed - middle[way]).abs() < 0.03, "{way}: {thin:?} {middle:?} {thick:?}");
+        assert!((thin[way] - thick[way]).abs() > 0.08, "{way}: {thin:?} {thick:?}");
+    }
+}
+
 fn scene(detail: f64) -> Scene {
     let text = format!(
         "[petal]\noptics = \"sheet.optics\"\n[petal.pattern]\n{ALL}\n[materials.petal]\ntype = \"petal\"\n\
@@ -162,14 +244,14 @@ fn colour_is_the_same_at_any_detail() {
     assert_eq!(petals(&coarse).len(), 5);
     for (a, b) in petals(&coarse).into_iter().zip(petals(&fine)) {
         for uv in grid(40) {
-            assert_eq!(coarse.pigment(a, uv), fine.pigment(b, uv));
+            assert_eq!(coarse.tissue(a, uv), fine.tissue(b, uv));
         }
     }
     // Sepals have no pattern of petals, other materials no pigment.
     for (i, shape) in fine.shapes.iter().enumerate() {
         assert_eq!(shape.petal.is_some(), shape.petal_id > 0);
         if shape.petal_id == 0 {
-            assert_eq!(fine.pigment(i as u32, Vec2::splat(0.5)), PigmentFactors::ONE);
+            assert_eq!(fine.tissue(i as u32, Vec2::splat(0.5)), TissueState::SOUND);
         }
     }
 }
@@ -187,6 +269,10 @@ fn wrong_numbers_are_named() {
         ("age.outer = -0.5", "pattern.age.outer: -0.5 is not"),
         ("blotches.amplitude = 1.5", "pattern.blotches.amplitude: 1.5 is not"),
         ("blotches.scale_mm = 0", "pattern.blotches.scale_mm: 0 is not"),
+        ("thickness.margin = 0.1", "pattern.thickness.margin: 0.1 is not within 0.2 to 1"),
+        ("thickness.veins = -0.1", "pattern.thickness.veins: -0.1 is not"),
+        ("withered.extent = 1.2", "pattern.withered.extent: 1.2 is not within 0 to 1"),
+        ("withered.brown = nan", "pattern.withered.brown: NaN is not"),
     ] {
         let e = Pattern::new(&toml::from_str(text).unwrap(), &Key::new("pattern")).unwrap_err().to_string();
         assert!(e.starts_with(start), "{e}");

@@ -63,7 +63,18 @@ impl Axis {
 }
 
 impl Variation {
-    pub(super) fn of(material: &Material) -> Self {
+    /// Of each tissue that a material has.
+    pub(super) fn of_tissues(material: &Material) -> [Option<Self>; 3] {
+        let own = Self::of(material);
+        let Material::Petal(petal) = material else { return [Some(own), None, None] };
+        let Petal::Tabulated(petal) = &**petal else { return [Some(own), None, None] };
+        let [_, thin, withered] = petal.tissues();
+        // What is dead has no pattern.
+        let dead = withered.then_some(Self::None(PigmentFactors::ONE));
+        [Some(own.clone()), thin.then_some(own), dead]
+    }
+
+    fn of(material: &Material) -> Self {
         let Material::Petal(petal) = material else { return Self::None(PigmentFactors::ONE) };
         let Petal::Tabulated(petal) = &**petal else { return Self::None(PigmentFactors::ONE) };
         let [adaxial, abaxial] = petal.pigment_ranges();

@@ -47,7 +47,7 @@ fn totals_are_the_integrals() {
                     sums[usize::from(wo.z * wi.z < 0.0)] +=
                         bsdf.eval(wo, wi, &lambda[1]) * (wo.z.abs() * sr as f32);
                 }
-                let (r, t) = totals.at(PigmentFactors::ONE, cos, side, 1);
+                let (r, t) = totals.at(TissueState::SOUND, cos, side, 1);
                 for lane in 0..LANES {
                     let (dr, dt) = (r[lane] - sums[0][lane], t[lane] - sums[1][lane]);
                     assert!(dr.abs() < 1e-3 && dt.abs() < 5e-5, "{cos} {side:?}: {dr} {dt}");
@@ -58,9 +58,9 @@ fn totals_are_the_integrals() {
             let mut sum = 0.0;
             for i in 0..steps {
                 let cos = (i as f32 + 0.5) / steps as f32;
-                sum += 2.0 * cos / steps as f32 * totals.at(PigmentFactors::ONE, cos, side, 0).0[2];
+                sum += 2.0 * cos / steps as f32 * totals.at(TissueState::SOUND, cos, side, 0).0[2];
             }
-            let (r, _) = totals.mean(PigmentFactors::ONE, side, 0);
+            let (r, _) = totals.mean(TissueState::SOUND, side, 0);
             assert!((r[2] - sum).abs() < 1e-4, "{} {sum}", r[2]);
         }
     }
@@ -71,7 +71,7 @@ fn totals_are_the_integrals() {
         let wo = up(cos, Side::Adaxial);
         let seen: f32 =
             rule.iter().map(|&(wi, sr)| literal.eval(wo, wi, &lambda[0])[0] * wi.z.abs() * sr as f32).sum();
-        let (r, t) = totals.at(PigmentFactors::ONE, cos, Side::Adaxial, 0);
+        let (r, t) = totals.at(TissueState::SOUND, cos, Side::Adaxial, 0);
         assert!((r[0] - seen).abs() < 2e-3 && t.is_zero(), "{} {seen}", r[0]);
     }
 }
@@ -102,7 +102,7 @@ fn totals_of_cells_are_what_they_scatter() {
                     stats[LANES + lane].push(share(false));
                 }
             }
-            let (r, t) = totals.at(PigmentFactors::ONE, cos, side, 0);
+            let (r, t) = totals.at(TissueState::SOUND, cos, side, 0);
             for lane in 0..LANES {
                 for (found, s) in [(r, &stats[lane]), (t, &stats[LANES + lane])] {
                     let error = 3.5 * s.standard_error().hypot(f64::from(totals.standard_error())) + 1e-3;
@@ -130,11 +130,11 @@ fn totals_follow_the_pigment() {
     let Petal::Tabulated(petal) = &**petal else { panic!("tables were given") };
     let mut range = (f32::INFINITY, 0.0f32);
     for v in [0.0, 0.13, 0.4, 0.55, 0.8, 1.0] {
-        let pigment = petal.pigment(Vec2::new(0.5, v), None);
+        let state = petal.state(Vec2::new(0.5, v), None);
         for side in [Side::Adaxial, Side::Abaxial] {
             for cos in [0.95, 0.5, 0.2] {
-                let [r, t] = petal.at(pigment, &lambda[0]).albedo(up(cos, side));
-                let found = totals.at(pigment, cos, side, 0);
+                let [r, t] = petal.albedo(up(cos, side), state, &lambda[0]);
+                let found = totals.at(state, cos, side, 0);
                 for lane in 0..LANES {
                     assert!(
                         (found.0[lane] / r[lane] - 1.0).abs() < 0.01,
@@ -168,11 +168,11 @@ fn totals_follow_both_sides() {
     let Material::Petal(petal) = &scene.materials[0] else { panic!("a petal was given") };
     let Petal::Tabulated(petal) = &**petal else { panic!("tables were given") };
     for v in [0.0, 0.2, 0.4, 0.55, 0.8, 1.0] {
-        let pigment = scene.pigment(0, Vec2::new(0.5, v));
+        let state = scene.tissue(0, Vec2::new(0.5, v));
         for side in [Side::Adaxial, Side::Abaxial] {
             for cos in [0.95, 0.5, 0.2] {
-                let [r, t] = petal.at(pigment, &lambda[0]).albedo(up(cos, side));
-                let found = totals.at(pigment, cos, side, 0);
+                let [r, t] = petal.albedo(up(cos, side), state, &lambda[0]);
+                let found = totals.at(state, cos, side, 0);
                 for lane in 0..LANES {
                     let (of_r, of_t) = (found.0[lane] / r[lane] - 1.0, found.1[lane] / t[lane] - 1.0);
                     assert!(of_r.abs() < 0.02 && of_t.abs() < 0.02, "{v} {side:?} {cos}: {of_r} {of_t}");
@@ -181,8 +181,37 @@ fn totals_follow_both_sides() {
         }
     }
     // At the rim the upper side is full of pigment, the lower one has none.
-    let rim = scene.pigment(0, Vec2::new(0.5, 1.0));
+    let rim = scene.tissue(0, Vec2::new(0.5, 1.0)).pigment;
     assert_eq!((rim.adaxial, rim.abaxial), (3.0, 0.0));
+}
+
+#[test]
+fn totals_follow_the_tissues_of_a_place() {
+    let lambda = [chunk(0.4)];
+    let scene = compiled(
+        "[petal]\nwalks = 10000\npattern = { thickness = { margin = 0.5 }, withered = {}, adaxial = { claw = 0.5 } }\n\
+         [petal.tissue.adaxial]\npigments = { anthocyanin_ug_per_cm2 = 20.0 }\n\
+         [petal.tissue.spongy]\nthickness_um = 100.0\nscattering_per_mm = 100.0\nanisotropy = 0.5\n[materials.m]\ntype = \"petal\"",
+    );
+    let totals = &MaterialTotals::of_scene(&scene, &lambda).unwrap()[0];
+    let Material::Petal(petal) = &scene.materials[0] else { panic!("a petal was given") };
+    let Petal::Tabulated(petal) = &**petal else { panic!("tables were given") };
+    for (thin, withered) in [(0.0, 0.0), (1.0, 0.0), (0.3, 0.4), (0.8, 1.0)] {
+        let state = TissueState { thin, withered, ..petal.state(Vec2::new(0.5, 0.2), None) };
+        for side in [Side::Adaxial, Side::Abaxial] {
+            // Cosines of the tables: those of few walks are rough between them.
+            for cos in [30.0 / 32.0, 12.0 / 32.0] {
+                let [r, t] = petal.albedo(up(cos, side), state, &lambda[0]);
+                let found = totals.at(state, cos, side, 0);
+                for lane in 0..LANES {
+                    for (found, wanted) in [(found.0[lane], r[lane]), (found.1[lane], t[lane])] {
+                        let error = (found - wanted).abs();
+                        assert!(error < 0.02 * wanted, "{state:?} {side:?} {cos}: {found} {wanted}");
+                    }
+                }
+            }
+        }
+    }
 }
 
 #[test]

@@ -169,7 +169,7 @@ impl<'a> Lighting<'a> {
                 for (c, lambda) in chunks.iter().enumerate() {
                     let light = lights.arriving(light, &way, lambda) * weight;
                     brightness += light.mean();
-                    out[c].add(light, totals.at(e.pigment, cos, side, c));
+                    out[c].add(light, totals.at(e.tissue, cos, side, c));
                 }
             };
             if self.each() {
@@ -203,7 +203,7 @@ impl<'a> Lighting<'a> {
                 out.incident += *spectrum * light;
                 // A first look asks for no more.
                 if matches!(kind, Kind::Final) {
-                    let (r, t) = totals.of_light(e.pigment, tally, side, c);
+                    let (r, t) = totals.of_light(e.tissue, tally, side, c);
                     out.reflected += *spectrum * r;
                     out.transmitted += *spectrum * t;
                 }

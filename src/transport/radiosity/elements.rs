@@ -14,7 +14,7 @@ use super::facets::{Facets, face_normal, shares};
 use crate::geometry::ray::offset_origin;
 use crate::geometry::{Interaction, Ray, Side};
 use crate::math::{Frame, warp};
-use crate::scene::{PigmentFactors, Scene};
+use crate::scene::{Scene, TissueState};
 
 /// Normals a radian apart lie as far from each other as this share of the element's width.
 const NORMAL_WEIGHT: f32 = 1.0;
@@ -34,8 +34,8 @@ pub struct Element {
     pub normal: Vec3,
     /// Mean texture coordinates, zero without.
     pub uv: Vec2,
-    /// Mean factors on the pigments of its epidermes.
-    pub pigment: PigmentFactors,
+    /// What it is made of, in the mean.
+    pub tissue: TissueState,
     /// Largest distance of a facet's centre from the element's, mm.
     pub radius_mm: f32,
     /// Its facets, from this place of the order on.
@@ -99,7 +99,7 @@ impl Elements {
                 centre: Vec3::ZERO,
                 normal: Vec3::Z,
                 uv: Vec2::ZERO,
-                pigment: PigmentFactors::ONE,
+                tissue: TissueState::SOUND,
                 radius_mm: 0.0,
                 first: first as u32,
                 last: last as u32,
@@ -187,7 +187,7 @@ impl Elements {
         let old = self.list[element as usize];
         let data: Vec<FacetData> =
             self.facets_of(element).iter().map(|f| facet_data(scene, &self.facets, *f)).collect();
-        let (mut area, mut uv, mut pigment) = (0.0f64, Vec2::ZERO, PigmentFactors::both(0.0));
+        let (mut area, mut uv, mut tissue) = (0.0f64, Vec2::ZERO, TissueState::NOTHING);
         let (mut centre, mut normal) = (DVec3::ZERO, DVec3::ZERO);
         let mut sums = Vec::with_capacity(data.len());
         for d in &data {
@@ -197,8 +197,7 @@ impl Elements {
             centre += d.centre.as_dvec3() * weight;
             normal += d.normal.as_dvec3() * weight;
             uv += d.uv * d.area;
-            pigment.adaxial += d.pigment.adaxial * d.area;
-            pigment.abaxial += d.pigment.abaxial * d.area;
+            tissue = tissue.plus(d.tissue.times(d.area));
         }
         let centre = (centre / area.max(1e-300)).as_vec3();
         let element = Element {
@@ -206,7 +205,7 @@ impl Elements {
             centre,
             normal: normal.as_vec3().normalize_or(Vec3::Z),
             uv: uv / (area as f32).max(1e-30),
-            pigment: pigment.times(1.0 / (area as f32).max(1e-30)),
+            tissue: tissue.times(1.0 / (area as f32).max(1e-30)),
             radius_mm: data.iter().map(|d| d.centre.distance(centre)).fold(0.0, f32::max),
             ..old
         };
@@ -279,7 +278,7 @@ struct FacetData {
     /// Unit, adaxial.
     normal: Vec3,
     uv: Vec2,
-    pigment: PigmentFactors,
+    tissue: TissueState,
 }
 
 fn facet_data(scene: &Scene, facets: &Facets, facet: u32) -> FacetData {
@@ -298,7 +297,7 @@ fn facet_data(scene: &Scene, facets: &Facets, facet: u32) -> FacetData {
         centre: (a + b + c) / 3.0,
         normal: face_normal(mesh, face as usize).normalize_or(Vec3::Z),
         uv,
-        pigment: scene.pigment(shape, uv),
+        tissue: scene.tissue(shape, uv),
     }
 }
 

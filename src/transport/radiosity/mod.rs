@@ -261,7 +261,7 @@ pub fn solve(
             let count = chunks.len();
             [Side::Adaxial, Side::Abaxial]
                 .into_iter()
-                .flat_map(move |side| (0..count).map(move |c| totals.mean(e.pigment, side, c)))
+                .flat_map(move |side| (0..count).map(move |c| totals.mean(e.tissue, side, c)))
         })
         .collect();
     let areas: Vec<f32> = elements.list().iter().map(|e| e.area_mm2).collect();
