@@ -108,7 +108,9 @@ fn truth(scene: &Scene, solution: &Radiosity, patch: &Patch, side: Side, number:
                 let face = patch.faces[at] as usize;
                 let [a, b, c] = mesh.corners(face);
                 let w = warp::square_to_triangle(s.next_2d());
-                let p = a * w.x + b * w.y + c * w.z;
+                // In f64 the point stays on the triangle.
+                let along = (b - a).as_dvec3() * f64::from(w.y) + (c - a).as_dvec3() * f64::from(w.z);
+                let p = (a.as_dvec3() + along).as_vec3();
                 let n = face_normal(mesh, face).normalize_or(Vec3::Z) * up;
                 for lamp in &lamps {
                     let u = s.next_2d();
@@ -257,6 +259,14 @@ fn tell(
             100.0 * of(&|f, x| ((f[1] - x.indirect[*told]).abs() / total(x), 1.0)),
             100.0 * of(&|_, x| (x.error[*told] / total(x), 1.0)),
             of(&|_, x| (x.direct[*told] / total(x), 1.0)),
+        );
+        let sum = |what: &dyn Fn(&[f64; 2], &Truth) -> f64| -> f64 {
+            found.iter().zip(truths).map(|(f, x)| what(&f[t], x)).sum()
+        };
+        println!(
+            "    all patches together: direct {:+.2} %, indirect {:+.2} % of their light",
+            100.0 * sum(&|f, x| f[0] - x.direct[*told]) / sum(&|_, x| total(x)),
+            100.0 * sum(&|f, x| f[1] - x.indirect[*told]) / sum(&|_, x| total(x)),
         );
         let mut order: Vec<usize> = (0..truths.len()).collect();
         order.sort_by(|a, b| total(&truths[*a]).total_cmp(&total(&truths[*b])));

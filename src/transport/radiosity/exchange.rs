@@ -9,7 +9,7 @@
 //!
 //! Nodes that happened to find each other would pass the same light to and fro, again and again, and too little of it would get out. So there are
 //! `SETS` sets of rays, which do not know of each other, and light that comes back to a node goes on by another one. For the same reason a ray
-//! from i is not taken as one from j. What is lost or made over all nodes, the solution corrects as a whole ([`super::solve`]).
+//! from i is not taken as one from j. What is lost or made over all nodes, the solution corrects where light is least known ([`super::solve`]).
 //!
 //! Light runs linearly within an element ([`super::slopes`]), so each ray brings that of the place where it ends; the mean place o_ij of the
 //! rays from i to j stands for them.
@@ -64,6 +64,8 @@ pub(super) struct Exchange {
     links: Vec<Link>,
     /// Of each row.
     escape: Vec<f32>,
+    /// Variance of whether a ray of each node meets anything.
+    doubt: Vec<f32>,
     /// What one is in the places of links to an element, mm.
     steps_mm: Vec<f32>,
     /// How far from the centre the lines of a node end at most, in these steps.
@@ -126,8 +128,9 @@ impl Exchange {
             links.extend(own);
             rows.push(links.len());
         }
+        let doubt = doubt(elements, &rows, &links, &escape);
         let steps_mm = planes.iter().map(|p| FAR * p.reach_mm / f32::from(i16::MAX)).collect();
-        Ok(Self { rows, links, escape, steps_mm, farthest, rays: SETS * rays as usize })
+        Ok(Self { rows, links, escape, doubt, steps_mm, farthest, rays: SETS * rays as usize })
     }
 
     /// Links of a node by one set of rays; their factors and what escapes sum to one.
@@ -156,6 +159,11 @@ impl Exchange {
         self.escape[node * SETS + set]
     }
 
+    /// Variance of whether a ray of a node meets anything: p (1 - p).
+    pub(super) fn doubt(&self, node: usize) -> f32 {
+        self.doubt[node]
+    }
+
     /// How many rays tell the light of a node.
     pub(super) fn rays(&self) -> f32 {
         self.rays as f32
@@ -165,6 +173,29 @@ impl Exchange {
     pub(super) fn entries(&self) -> usize {
         self.links.len()
     }
+}
+
+/// p (1 - p) for the share p of the rays of each node that meet something. The few rays of a wide node say little of how often they meet
+/// small ones, whose own rays know it well: both count, each by the balance heuristic, weights A_j / (A_i + A_j) for rays of i. None where
+/// all rays of a node meet something.
+fn doubt(elements: &Elements, rows: &[usize], links: &[Link], escape: &[f32]) -> Vec<f32> {
+    let area = |node: usize| elements.list()[node / 2].area_mm2;
+    let nodes = 2 * elements.len();
+    let mut meets = vec![0.0f32; nodes];
+    for i in 0..nodes {
+        for link in &links[rows[i * SETS]..rows[(i + 1) * SETS]] {
+            let j = link.node as usize;
+            let (own, other) = (area(i), area(j));
+            let share = link.factor / (SETS as f32 * (own + other).max(1e-30));
+            meets[i] += share * other;
+            meets[j] += share * own;
+        }
+    }
+    let closed = |node: usize| escape[node * SETS..(node + 1) * SETS].iter().all(|e| *e < 1e-5);
+    let of = |(node, p): (usize, &f32)| {
+        if closed(node) { 0.0 } else { p.clamp(0.0, 1.0) * (1.0 - p.clamp(0.0, 1.0)) }
+    };
+    meets.iter().enumerate().map(of).collect()
 }
 
 /// What the rays of a node meet, by the number of the node that they meet.

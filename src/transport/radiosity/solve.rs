@@ -4,14 +4,24 @@
 //!
 //! ```text
 //! B0_n = D_n                                       what the element does with direct light
-//! Ek_n = c sum over m of F_nm (Bk_m + g_m . o_nm)  irradiance by the rays of set k mod SETS
+//! Ek_n = c_n sum over m of F_nm (Bk_m + g_m . o_nm)  irradiance by the rays of set k mod SETS
 //! Bk+1_n = R_n Ek_n + T_n' Ek_n'
-//! E_n  = c' sum over m of F_nm (B_m + g_m . o_nm)  in the end, with B = sum of all Bk, by all rays
+//! E_n  = c'_n sum over m of F_nm (B_m + g_m . o_nm)  in the end, with B = sum of all Bk, by all rays
 //! ```
 //!
 //! where g is the slope of the light along the element and o where the rays from n end on m: sheets that lie closer to each other than
-//! their elements are wide pass light straight across, not sideways. The factors c, near one, are the same for all nodes: all that does not escape
-//! arrives, and as much is absorbed in the end as was on the way.
+//! their elements are wide pass light straight across, not sideways.
+//!
+//! How much light arrives is known twice: from the rays of those that send it, B A (1 - escape), which is exact in a closed room, and
+//! from the rays of those that get it, the sum of F B A, which is better where small things stand on a wide floor. Their mean by the
+//! inverses of their variances is what arrives, the rest escapes, and the factors c make it so; likewise for what is absorbed in the
+//! end. They are least squares: what is lacking, D, falls on the nodes whose rays know their light least
+//!
+//! ```text
+//! sum over n of w_n dE_n = D,   sum over n of dE_n^2 / v_n least:   dE_n = D w_n v_n / sum over m of w_m^2 v_m
+//! ```
+//!
+//! with w the area of a node, or the area times what it absorbs, and v the variance that its rays leave.
 //!
 //! Every order adds light, so what there is of it is a lower bound, and the last one tells how much is still under way:
 //!
@@ -19,7 +29,8 @@
 //! residual = sum A Bk / sum A E_direct, the largest over the wavelengths
 //! ```
 //!
-//! Guarded by `furnace_of_translucent_sheets`, `parallel_sheets_match_the_series`. Source: Goral et al. 1984;
+//! Guarded by `furnace_of_translucent_sheets`, `parallel_sheets_match_the_series`, `corrections_fall_where_light_is_least_known`,
+//! `a_wide_floor_does_not_dim_what_stands_on_it`. Source: Goral et al. 1984;
 //! two-sided with transmission, Rushmeier and Torrance 1990.
 
 use rayon::prelude::*;
@@ -93,9 +104,7 @@ pub(super) fn solve(
             .map(|i| irradiance[i] * shares[i].0 + irradiance[other(i)] * shares[other(i)].1)
             .collect()
     };
-    let absorbed = |irradiance: &[SampledSpectrum]| {
-        total(chunks, areas_mm2, |i| irradiance[i] * (SampledSpectrum::ONE - shares[i].0 - shares[i].1))
-    };
+    let absorbs = |i: usize| (SampledSpectrum::ONE - shares[i].0 - shares[i].1).map(|v| v.max(0.0));
     let received = total(chunks, areas_mm2, |i| direct[i].incident);
     let none = vec![SampledSpectrum::ZERO; direct.len()];
     // Light of one order, and of all before it.
@@ -121,9 +130,14 @@ pub(super) fn solve(
         let set = orders as usize % SETS;
         let mut irradiance = gather(exchange, stencils, &next, chunks, Some(set));
         let escape = total(chunks, areas_mm2, |i| next[i] * exchange.escape(i / chunks, set));
-        let arriving = difference(&under_way, &escape);
+        let sent = difference(&under_way, &escape);
         let arrived = total(chunks, areas_mm2, |i| irradiance[i]);
-        imbalance = imbalance.max(scale(&mut irradiance, &arrived, &arriving, chunks));
+        let variance = variance(exchange, &next, areas_mm2, chunks, Some(set));
+        let trust = trust(exchange, &next, areas_mm2, &variance, chunks);
+        let arriving = mean(&arrived, &sent, trust);
+        let escape = difference(&under_way, &arriving);
+        imbalance = imbalance
+            .max(correct(&mut irradiance, &arriving, areas_mm2, &variance, |_| SampledSpectrum::ONE));
         for (sum, e) in escaped.as_flattened_mut().iter_mut().zip(escape.as_flattened()) {
             *sum += e;
         }
@@ -133,9 +147,15 @@ pub(super) fn solve(
         orders += 1;
     }
     let mut indirect = gather(exchange, stencils, &radiosity, chunks, None);
-    let (is, was) = (absorbed(&indirect), absorbed(&on_the_way));
-    imbalance = imbalance.max(scale(&mut indirect, &is, &was, chunks));
-    let variance = variance(exchange, &radiosity, chunks);
+    let was = total(chunks, areas_mm2, |i| on_the_way[i] * absorbs(i));
+    let is = total(chunks, areas_mm2, |i| indirect[i] * absorbs(i));
+    let variance = variance(exchange, &radiosity, areas_mm2, chunks, None);
+    let trust = trust(exchange, &radiosity, areas_mm2, &variance, chunks);
+    let to_be = mean(&is, &was, trust);
+    for (sum, d) in escaped.as_flattened_mut().iter_mut().zip(difference(&was, &to_be).as_flattened()) {
+        *sum += d;
+    }
+    imbalance = imbalance.max(correct(&mut indirect, &to_be, areas_mm2, &variance, absorbs));
     Solution { indirect, imbalance, variance, escaped, under_way, residual, orders }
 }
 
@@ -143,17 +163,76 @@ fn difference(a: &[[f64; LANES]], b: &[[f64; LANES]]) -> Vec<[f64; LANES]> {
     a.iter().zip(b).map(|(a, b)| std::array::from_fn(|l| a[l] - b[l])).collect()
 }
 
-/// Scales the light of all nodes alike from what it is in all to what it is to be; gives the largest change.
-fn scale(light: &mut [SampledSpectrum], is: &[[f64; LANES]], to_be: &[[f64; LANES]], chunks: usize) -> f64 {
-    let by: Vec<SampledSpectrum> = (is.iter().zip(to_be))
-        .map(|(is, to_be)| {
-            SampledSpectrum::from_fn(|l| if is[l] > 0.0 { (to_be[l] / is[l]) as f32 } else { 1.0 })
-        })
-        .collect();
-    light.par_chunks_mut(chunks).with_min_len(BATCH).for_each(|light| {
-        light.iter_mut().zip(&by).for_each(|(e, s)| *e *= *s);
+/// `a` with a share of the way to `b`.
+fn mean(a: &[[f64; LANES]], b: &[[f64; LANES]], share: f64) -> Vec<[f64; LANES]> {
+    a.iter().zip(b).map(|(a, b)| std::array::from_fn(|l| a[l] + (b[l] - a[l]) * share)).collect()
+}
+
+/// How much the total of the light by the rays of those that send it counts beside that by the rays of those that get it, 0 to 1: by the
+/// inverses of their variances.
+fn trust(
+    exchange: &Exchange,
+    radiosity: &[SampledSpectrum],
+    areas_mm2: &[f32],
+    variance: &[f32],
+    chunks: usize,
+) -> f64 {
+    let (mut sent, mut got) = (0.0, 0.0);
+    for (n, variance) in variance.iter().enumerate() {
+        let area = f64::from(areas_mm2[n / 2]);
+        let power = f64::from(brightness(radiosity, n, chunks)) * area;
+        sent += power * power * f64::from(exchange.doubt(n) / exchange.rays());
+        got += area * area * f64::from(*variance);
+    }
+    if sent > 0.0 { got / (sent + got) } else { 1.0 }
+}
+
+/// Mean light of a node over the wavelengths.
+fn brightness(light: &[SampledSpectrum], node: usize, chunks: usize) -> f32 {
+    light[node * chunks..(node + 1) * chunks].iter().map(|e| e.mean()).sum::<f32>() / chunks as f32
+}
+
+/// Passes of the correction.
+const PASSES: usize = 4;
+/// What is left of a node's light in one pass at least.
+const LEAST_LEFT: f32 = 0.1;
+
+/// Changes the light of the nodes so that the sum of `share` of it times their areas is `to_be`, most where it is least known; the last
+/// pass changes all of it alike. Gives the largest correction, as a share of what there was.
+fn correct(
+    light: &mut [SampledSpectrum],
+    to_be: &[[f64; LANES]],
+    areas_mm2: &[f32],
+    variance: &[f32],
+    share: impl Fn(usize) -> SampledSpectrum + Sync,
+) -> f64 {
+    let chunks = to_be.len();
+    let weights = total(chunks, areas_mm2, |i| {
+        share(i) * share(i) * (areas_mm2[i / chunks / 2] * variance[i / chunks])
     });
-    by.iter().flat_map(|s| s.0).fold(0.0, |most, s| most.max(f64::from(s - 1.0).abs()))
+    let mut largest = 0.0f64;
+    for pass in 0..PASSES {
+        let is = total(chunks, areas_mm2, |i| light[i] * share(i));
+        let lacking = difference(to_be, &is);
+        if pass == 0 {
+            let shares = lacking.as_flattened().iter().zip(is.as_flattened());
+            largest = shares.filter(|(_, is)| **is > 0.0).map(|(d, is)| (d / is).abs()).fold(0.0, f64::max);
+        }
+        let last = pass + 1 == PASSES;
+        let by = if last { &is } else { &weights };
+        let rate = |c: usize, l: usize| if by[c][l] > 0.0 { (lacking[c][l] / by[c][l]) as f32 } else { 0.0 };
+        let rate: Vec<_> = (0..chunks).map(|c| SampledSpectrum::from_fn(|l| rate(c, l))).collect();
+        light.par_iter_mut().with_min_len(BATCH).enumerate().for_each(|(i, e)| {
+            let rate = rate[i % chunks];
+            if last {
+                *e *= SampledSpectrum::ONE + rate;
+            } else {
+                let more = share(i) * rate * (areas_mm2[i / chunks / 2] * variance[i / chunks]);
+                *e = SampledSpectrum::from_fn(|l| (e[l] + more[l]).max(LEAST_LEFT * e[l]));
+            }
+        });
+    }
+    largest
 }
 
 /// Irradiance of every node from the others' radiosity, by one set of rays or by all.
@@ -206,22 +285,42 @@ fn linear(
     (0..radiosity.len()).into_par_iter().with_min_len(BATCH).map(run).collect()
 }
 
-/// Variance of the brightness of each node's irradiance: that of the light along its lines, over their number.
-fn variance(exchange: &Exchange, radiosity: &[SampledSpectrum], chunks: usize) -> Vec<f32> {
-    let bright: Vec<f32> =
-        radiosity.chunks(chunks).map(|b| b.iter().map(|b| b.mean()).sum::<f32>() / chunks as f32).collect();
-    (0..bright.len())
-        .into_par_iter()
-        .with_min_len(BATCH)
-        .map(|i| {
-            let (sum, squares) = exchange.rows(i).iter().fold((0.0f32, 0.0f32), |(sum, squares), l| {
-                let b = bright[l.node as usize];
-                let share = l.factor / SETS as f32;
-                (sum + share * b, squares + share * b * b)
-            });
-            (squares - sum * sum).max(0.0) / exchange.rays()
-        })
-        .collect()
+/// Variance of the brightness of each node's irradiance: that of the light along its lines, over their number. Rays that others send to the
+/// node tell of light that its own few rays may miss: both count, as in [`Exchange::doubt`].
+fn variance(
+    exchange: &Exchange,
+    radiosity: &[SampledSpectrum],
+    areas_mm2: &[f32],
+    chunks: usize,
+    set: Option<usize>,
+) -> Vec<f32> {
+    let nodes = 2 * areas_mm2.len();
+    let bright: Vec<f32> = (0..nodes).map(|n| brightness(radiosity, n, chunks)).collect();
+    // Sums of the light and of its square.
+    let mut sums = vec![(0.0f32, 0.0f32); nodes];
+    let mut add = |n: usize, share: f32, b: f32| {
+        sums[n].0 += share * b;
+        sums[n].1 += share * b * b;
+    };
+    for i in 0..nodes {
+        let (links, sets) = match set {
+            Some(set) => (exchange.row(i, set), 1.0),
+            None => (exchange.rows(i), SETS as f32),
+        };
+        for link in links {
+            let j = link.node as usize;
+            let (own, other) = (areas_mm2[i / 2], areas_mm2[j / 2]);
+            let share = link.factor / sets;
+            let balance = 1.0 / (own + other).max(1e-30);
+            // Where all rays meet something they miss nothing.
+            add(i, if exchange.doubt(i) > 0.0 { share * other * balance } else { share }, bright[j]);
+            if exchange.doubt(j) > 0.0 {
+                add(j, share * own * balance, bright[i]);
+            }
+        }
+    }
+    let rays = exchange.rays() * if set.is_some() { 1.0 / SETS as f32 } else { 1.0 };
+    sums.iter().map(|(sum, squares)| (squares - sum * sum).max(0.0) / rays).collect()
 }
 
 /// How many orders the goal will take, if the light goes on to fade as it did.
@@ -232,4 +331,34 @@ fn expected_orders(first: f64, now: f64, goal: f64, orders: u32, max_orders: u32
     }
     let more = f64::from(orders) * (goal / first).ln() / fade;
     (more.ceil() as u32).clamp(orders, max_orders)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn corrections_fall_where_light_is_least_known() {
+        // Two elements of 1 and 100 mm2, both sides; the wide one's light is known to 30 %, the small one's to 1 %.
+        let areas = [1.0, 100.0];
+        let variance = [4e-4, 4e-4, 0.36, 0.36];
+        let light = vec![SampledSpectrum::splat(2.0); 4];
+        let sum = |light: &[SampledSpectrum]| total(1, &areas, |i| light[i])[0][3];
+        let corrected = |to_be: f64, variance: &[f32]| {
+            let mut out = light.clone();
+            let by = correct(&mut out, &[[to_be; LANES]], &areas, variance, |_| SampledSpectrum::ONE);
+            assert!((sum(&out) / to_be - 1.0).abs() < 1e-5, "{} {to_be}", sum(&out));
+            (out, by)
+        };
+        // 404 is what there is.
+        let (out, by) = corrected(444.4, &variance);
+        assert!((by - 0.1).abs() < 1e-6, "{by}");
+        assert!((out[0][3] / 2.0 - 1.0).abs() < 1e-4 && (out[2][3] / 2.0 - 1.1).abs() < 2e-3, "{out:?}");
+        // More than the least known can take is taken all the same, and nothing becomes negative.
+        let (out, _) = corrected(4.0, &variance);
+        assert!(out.iter().all(|e| e[3] >= 0.0), "{out:?}");
+        // Where every node knows its light, all of it changes alike.
+        let (out, _) = corrected(444.4, &[0.0; 4]);
+        assert!(out.iter().all(|e| (e[3] / 2.2 - 1.0).abs() < 1e-5), "{out:?}");
+    }
 }

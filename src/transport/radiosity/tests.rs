@@ -4,6 +4,7 @@ use glam::Vec3;
 
 use super::testing::{compiled, scene};
 use super::*;
+use crate::math::Sampler;
 use crate::transport::NoProgress;
 
 fn settings(elements: u32, rays: u32, light_samples: u32) -> RadiositySettings {
@@ -328,4 +329,60 @@ fn elements_follow_a_shadow() {
     }
     let (near, far) = (near.0 / near.1 as f32, far.0 / far.1 as f32);
     assert!(near < 0.7 * far, "{near} {far}");
+}
+
+/// What a wide floor's few rays miss of a small shell is the floor's own noise: the shell gets what its rays bring.
+#[test]
+fn a_wide_floor_does_not_dim_what_stands_on_it() {
+    let s = compiled(
+        r#"
+        [materials.sheet]
+        type = "diffuse"
+        reflectance_adaxial = 0.45
+        transmittance = 0.45
+        [materials.grey]
+        type = "lambert"
+        reflectance = 0.6
+        [shapes.shell]
+        type = "sphere"
+        radius_mm = 10
+        subdivisions = 3
+        material = "sheet"
+        [shapes.floor]
+        type = "quad"
+        width_mm = 4000
+        height_mm = 4000
+        position_mm = [0, 0, -30]
+        material = "grey"
+        [lights.sun]
+        type = "distant"
+        elevation_deg = 50
+        irradiance = 4
+        "#,
+    );
+    for seed in 0..3 {
+        let r = solved(&s, &RadiositySettings { seed, ..settings(2000, 192, 64) });
+        let (mut found, mut brought) = (0.0f64, 0.0f64);
+        for (k, e) in r.elements().list().iter().enumerate() {
+            if !s.shapes[e.shape as usize].key.contains("shell") {
+                continue;
+            }
+            for number in 0..2 {
+                let n = 2 * k + number as usize;
+                found += f64::from(r.indirect[n][1] * e.area_mm2);
+                const RAYS: u32 = 256;
+                for i in 0..RAYS {
+                    let mut u = Sampler::new(77, glam::UVec2::new(n as u32, 3), i);
+                    let u_facet = u.next_1d();
+                    let start = r.elements().sample(&s, k as u32, u_facet, u.next_2d());
+                    let Some(hit) = s.intersect(&start.ray(number, u.next_2d())) else { continue };
+                    let seen = if hit.ng.dot(hit.p - start.p) < 0.0 { Side::Adaxial } else { Side::Abaxial };
+                    let from = r.elements().hit(&hit).unwrap();
+                    let light = r.at(from, seen, hit.p, Quantity::Leaving)[1];
+                    brought += f64::from(light * e.area_mm2) / f64::from(RAYS);
+                }
+            }
+        }
+        assert!((found / brought - 1.0).abs() < 0.025, "{seed}: {found} {brought}");
+    }
 }
