@@ -52,7 +52,7 @@ impl Integrator for Walks {
             let step = match material.scattering() {
                 Scattering::Bsdf(bsdf) => draw(bsdf, s),
                 Scattering::Petal(Petal::Tabulated(petal)) => {
-                    draw(&petal.at(scene.pigment(at.shape, at.uv), lambda), s)
+                    draw(&petal.at(scene.tissue(at.shape, at.uv).pigment, lambda), s)
                 }
                 Scattering::Petal(Petal::Cells(petal)) => Scatter::scatter(petal, local, lambda, s),
             };
