@@ -86,7 +86,7 @@ fn follow(scene: &Scene, solution: &Radiosity, walks: u32) -> Walks {
                         let side = if at.ng.dot(ray.direction) < 0.0 { Side::Adaxial } else { Side::Abaxial };
                         let element = solution.elements().hit(&at).unwrap();
                         let (r, t) = totals[scene.shapes[at.shape as usize].material as usize].mean(
-                            scene.pigment(at.shape, at.uv),
+                            scene.tissue(at.shape, at.uv),
                             side,
                             0,
                         );
