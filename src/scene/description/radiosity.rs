@@ -12,9 +12,9 @@ pub struct RadiosityDescription {
     /// About how many elements at most, 1 to 5e7. Sheets that lie close together want elements as small
     /// as the gap between them. Default 100000.
     pub elements: u32,
-    /// Rays from each side of an element to the others, 1 to 5e7; at least 3 are used. Default 24.
+    /// Rays from each side of an element to the others, 1 to 5e7; at least 3 are used. Default 36.
     pub rays: u32,
-    /// Samples of every light for each side of an element in the mean, 1 to 5e7. Default 48.
+    /// Samples of every light for each side of an element in the mean, 1 to 5e7. Default 64.
     pub light_samples: u32,
     /// Wavelengths at which the light is solved for, evenly over 380 to 780 nm, 2 to 401. Default 32.
     pub wavelengths: u32,
@@ -34,8 +34,8 @@ impl Default for RadiosityDescription {
     fn default() -> Self {
         Self {
             elements: 100_000,
-            rays: 24,
-            light_samples: 48,
+            rays: 36,
+            light_samples: 64,
             wavelengths: 32,
             residual: 1e-5,
             max_orders: 1000,

@@ -15,7 +15,7 @@
 //! |---|---|---|---|
 //! | R, T | totals of the materials ([`crate::scene::MaterialTotals`]) | share | the scene's |
 //! | E, B | [`Radiosity`] | W m-2 nm-1, where a light's radiance is W m-2 sr-1 nm-1 | |
-//! | elements, rays, samples | [`RadiositySettings`] | | 100000, 24, 48 |
+//! | elements, rays, samples | [`RadiositySettings`] | | 100000, 36, 64 |
 //!
 //! Limits: edges of light within an element are smoothed out, so sheets closer to each other than an element is wide pass on
 //! too much light sideways; the error falls with the number of elements: 0.1 % of the light of a rose's petals stays too much at the default,
@@ -66,10 +66,10 @@ pub struct RadiositySettings {
     /// together want elements as small as the gap between them. Default 100000.
     pub elements: u32,
     /// Rays from each side of an element. Many elements with few rays are better than few with many; at least 3 are
-    /// used. Default 24.
+    /// used. Default 36.
     pub rays: u32,
     /// Samples of every light for each side of an element, in the mean, and more where there is much light. Noisy
-    /// light gets more of them than light that is even. Default 48.
+    /// light gets more of them than light that is even. Default 64.
     pub light_samples: u32,
     /// Rays from every light that tell how much of its power meets nothing, for the ledger. Default 2^20.
     pub light_rays: u32,
@@ -87,8 +87,8 @@ impl Default for RadiositySettings {
     fn default() -> Self {
         Self {
             elements: 100_000,
-            rays: 24,
-            light_samples: 48,
+            rays: 36,
+            light_samples: 64,
             light_rays: 1 << 20,
             residual: 1e-5,
             max_orders: 1000,

@@ -193,12 +193,13 @@ fn brightness(light: &[SampledSpectrum], node: usize, chunks: usize) -> f32 {
 }
 
 /// Passes of the correction.
-const PASSES: usize = 4;
+const PASSES: usize = 5;
 /// What is left of a node's light in one pass at least.
 const LEAST_LEFT: f32 = 0.1;
 
-/// Changes the light of the nodes so that the sum of `share` of it times their areas is `to_be`, most where it is least known; the last
-/// pass changes all of it alike. Gives the largest correction, as a share of what there was.
+/// Changes the light of the nodes so that the sum of `share` of it times their areas is `to_be`, most where it is least known: light is
+/// added where it may have been missed, and taken in proportion to its square where it may be too much. The last pass changes all
+/// alike. Gives the largest correction, as a share of what there was.
 fn correct(
     light: &mut [SampledSpectrum],
     to_be: &[[f64; LANES]],
@@ -207,9 +208,6 @@ fn correct(
     share: impl Fn(usize) -> SampledSpectrum + Sync,
 ) -> f64 {
     let chunks = to_be.len();
-    let weights = total(chunks, areas_mm2, |i| {
-        share(i) * share(i) * (areas_mm2[i / chunks / 2] * variance[i / chunks])
-    });
     let mut largest = 0.0f64;
     for pass in 0..PASSES {
         let is = total(chunks, areas_mm2, |i| light[i] * share(i));
@@ -219,7 +217,16 @@ fn correct(
             largest = shares.filter(|(_, is)| **is > 0.0).map(|(d, is)| (d / is).abs()).fold(0.0, f64::max);
         }
         let last = pass + 1 == PASSES;
-        let by = if last { &is } else { &weights };
+        let bright: Vec<f32> = (0..variance.len()).map(|n| brightness(light, n, chunks)).collect();
+        // w v of a node, per wavelength.
+        let doubt = |i: usize, e: SampledSpectrum| {
+            let (n, c) = (i / chunks, i % chunks);
+            let all = areas_mm2[n / 2] * variance[n];
+            let part = |l: usize| if bright[n] > 0.0 { (e[l] / bright[n]).powi(2) } else { 0.0 };
+            let share = share(i);
+            SampledSpectrum::from_fn(|l| share[l] * all * if lacking[c][l] < 0.0 { part(l) } else { 1.0 })
+        };
+        let by = if last { is } else { total(chunks, areas_mm2, |i| doubt(i, light[i]) * share(i)) };
         let rate = |c: usize, l: usize| if by[c][l] > 0.0 { (lacking[c][l] / by[c][l]) as f32 } else { 0.0 };
         let rate: Vec<_> = (0..chunks).map(|c| SampledSpectrum::from_fn(|l| rate(c, l))).collect();
         light.par_iter_mut().with_min_len(BATCH).enumerate().for_each(|(i, e)| {
@@ -227,7 +234,7 @@ fn correct(
             if last {
                 *e *= SampledSpectrum::ONE + rate;
             } else {
-                let more = share(i) * rate * (areas_mm2[i / chunks / 2] * variance[i / chunks]);
+                let more = doubt(i, *e) * rate;
                 *e = SampledSpectrum::from_fn(|l| (e[l] + more[l]).max(LEAST_LEFT * e[l]));
             }
         });
