@@ -180,7 +180,7 @@ fn agrees_with_walks_of_light() {
     compare(0.3, 1_000_000, &settings, 0.01, (3.0, 0.88));
 }
 
-/// Per petal within half a percent, at twice the default's elements, rays and samples: at the default its own noise is 0.2 % of a petal's
+/// Per petal within half a percent, at more elements, rays and samples than the default's, whose own noise is 0.2 % of a petal's
 /// light, which is too much beside that of the walks.
 #[test]
 #[ignore = "minutes: scripts/test runs it"]
