@@ -230,6 +230,9 @@ pub(crate) fn run(args: &Args, global: Global) -> Result<Outcome> {
         global,
         |_| {},
     )?;
+    if !outputs.is_empty() {
+        args.per.per().check(&scene).map_err(at_flag)?;
+    }
     let of_scene = RadiositySettings::of(&scene.render);
     let settings = RadiositySettings {
         elements: args.elements.unwrap_or(of_scene.elements),

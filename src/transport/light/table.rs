@@ -18,6 +18,7 @@ use rayon::prelude::*;
 
 use super::{Readout, SIDES, organ_of};
 use crate::io::light_table::{Flux, Group, LightTable};
+use crate::scene::Scene;
 use crate::transport::radiosity::Quantity;
 use crate::{Error, Result};
 
@@ -37,6 +38,17 @@ pub enum Per {
     Element,
 }
 
+impl Per {
+    /// Has the scene what the rows are about? Worth asking before the light is computed.
+    pub fn check(self, scene: &Scene) -> Result<()> {
+        if self == Per::Petal && scene.shapes.iter().all(|s| s.petal_id == 0) {
+            let what = "the scene has no petal: choose organ, shape, triangle or element";
+            return Err(Error::invalid("per", what));
+        }
+        Ok(())
+    }
+}
+
 const QUANTITIES: [Quantity; 3] = [Quantity::Incident, Quantity::Absorbed, Quantity::Transmitted];
 
 impl Readout<'_> {
@@ -48,12 +60,7 @@ impl Readout<'_> {
             Per::Element => self.elements(&mut table),
             Per::Organ | Per::Petal | Per::Shape => self.sums(per, &mut table),
         }
-        if table.groups.is_empty() {
-            return Err(Error::invalid(
-                "per",
-                "the scene has no petal: choose organ, shape, triangle or element",
-            ));
-        }
+        per.check(self.scene)?;
         Ok(table)
     }
 
