@@ -3,10 +3,10 @@
 //! | | value | published | source |
 //! |---|---|---|---|
 //! | petals, hybrid tea and cupped | 35, 45 | full 26-40, very full 41 and more | classes of the American Rose Society |
-//! | petals, wild | 5, 27 mm long | 5, 15-30 mm long | *R. canina*: Gleason and Cronquist, Manual of Vascular Plants, 1991 |
+//! | petals, wild | 5, 25 mm long | 5, 15-30 mm long | *R. canina*: Gleason and Cronquist, Manual of Vascular Plants, 1991 |
 //! | width, wild | 30-60 mm | 30-60 mm | *R. canina*: Flora of the Burren |
 //! | width, hybrid tea | 80-130 mm | 75-135 mm | growers' descriptions |
-//! | divergence | 137.5 deg | 137.5 deg | [`crate::flower::phyllotaxis`] |
+//! | divergence, many petals; five | 137.5; 144 deg | the golden angle; 2/5 of a turn | [`crate::flower::phyllotaxis`] |
 //!
 //! Thickness lies in the tissue (`data/petals`: 0.17 mm) and its pattern ([`crate::scene::Pattern`]). Sizes of a hybrid tea's single
 //! petals are our reading. Guarded by `sizes_are_those_of_garden_roses`, `petals_are_as_many_and_as_long_as_published`.
@@ -113,10 +113,10 @@ impl RoseDescription {
         let mut d = Self::hybrid_tea();
         d.petals = 5;
         d.divergence_deg = 144.0;
-        d.petal.inner_length_mm = 27.0;
-        d.petal.length_mm = 27.0;
-        d.petal.inner_width_mm = 29.0;
-        d.petal.width_mm = 29.0;
+        d.petal.inner_length_mm = 25.0;
+        d.petal.length_mm = 25.0;
+        d.petal.inner_width_mm = 27.0;
+        d.petal.width_mm = 27.0;
         d.petal.claw_width_mm = 6.0;
         d.petal.widest = 0.7;
         d.petal.tip_mm = -5.0;
@@ -277,8 +277,9 @@ mod tests {
         for mm in [wild.inner_length_mm, wild.length_mm] {
             assert!((15.0..=30.0).contains(&mm), "{mm}");
         }
-        for name in RoseDescription::PRESETS {
-            assert!((preset(name).divergence_deg - GOLDEN_ANGLE_DEG).abs() < 0.01);
+        // Five petals stand two fifths of a turn apart.
+        for (name, deg) in [("hybrid_tea", GOLDEN_ANGLE_DEG), ("cupped", GOLDEN_ANGLE_DEG), ("wild", 144.0)] {
+            assert!((preset(name).divergence_deg - deg).abs() < 0.01, "{name}");
         }
     }
 
