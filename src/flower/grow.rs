@@ -1,12 +1,20 @@
 //! Grows a rose: where each petal stands, what its age makes of it, and the meshes of all organs.
 //!
-//! Petals whose meshes still meet a neighbour or themselves lose a fifth of their roll and unevenness, again and again
-//! until none meets, and some of their width if that does not help. Guarded by `petals_do_not_cross`.
+//! Petals whose meshes still meet a neighbour or themselves lose some of their roll and unevenness, again and again
+//! until none meets, and some of their width if that does not help: `steps` says how often,
+//!
+//! ```text
+//! ease = 0.8^steps        width = 0.96^max(0, steps - 4) width of the outline
+//! ```
+//!
+//! Stages 0.05 of openness apart are settled in whole steps. In between, steps run linearly from stage to stage and petals that
+//! still meet take small steps more, so that a flower that opens does not twitch. Guarded by `petals_do_not_cross`,
+//! `petals_do_not_pop_as_they_open`.
 
 use rayon::prelude::*;
 
 use crate::Result;
-use crate::flower::bloom::Bloom;
+use crate::flower::bloom::{Bloom, OVERBLOWN};
 use crate::flower::green;
 use crate::flower::margin::Facet;
 use crate::flower::neighbours::Neighbours;
@@ -25,18 +33,7 @@ use crate::geometry::crossings::crossings;
 pub fn grow(description: &RoseDescription) -> Result<Flower> {
     description.validate("rose")?;
     let d = description;
-    let bloom = Bloom::new(
-        &d.bloom,
-        d.petals,
-        d.petal.inner_length_mm,
-        d.petal.length_mm,
-        d.stem.receptacle_radius_mm,
-        d.openness,
-    )
-    .sway(d.seed, d.irregularity);
-    let mut forms: Vec<PetalForm> = (0..d.petals).map(|index| petal_form(d, &bloom, index)).collect();
-    let neighbours = Neighbours { seats: forms.iter().map(PetalForm::seat).collect() };
-    settle(&mut forms, &bloom, &neighbours, d.detail.min(SETTLED_DETAIL));
+    let Petals { bloom, forms, neighbours } = placed(d);
     let petals: Vec<Organ> = forms
         .par_iter()
         .zip(0..d.petals)
@@ -56,6 +53,86 @@ pub fn grow(description: &RoseDescription) -> Result<Flower> {
     let mut flower = Flower { organs: petals };
     green::grow(&mut flower, d, d.openness);
     Ok(flower)
+}
+
+/// The petals of a flower in their places.
+struct Petals {
+    bloom: Bloom,
+    forms: Vec<PetalForm>,
+    neighbours: Neighbours,
+}
+
+impl Petals {
+    /// Petals at that openness that took these steps of settling.
+    fn new(d: &RoseDescription, openness: f64, steps: &[f64]) -> Self {
+        let p = &d.petal;
+        let radius_mm = d.stem.receptacle_radius_mm;
+        let bloom = Bloom::new(&d.bloom, d.petals, p.inner_length_mm, p.length_mm, radius_mm, openness)
+            .sway(d.seed, d.irregularity);
+        let mut forms: Vec<PetalForm> = (0..d.petals).map(|index| petal_form(d, &bloom, index)).collect();
+        let neighbours = Neighbours { seats: forms.iter().map(PetalForm::seat).collect() };
+        for (form, steps) in forms.iter_mut().zip(steps) {
+            settle(form, *steps);
+        }
+        Self { bloom, forms, neighbours }
+    }
+
+    fn grown(&self, form: &PetalForm, detail: f64) -> Mesh {
+        petal_mesh(&PetalSurface::new(form, &self.bloom, &self.neighbours), form, &self.bloom, detail)
+    }
+
+    /// Settles petals until none meets another as a mesh of this detail, each time by the next of `sizes`; the steps of each.
+    fn settle(&mut self, detail: f64, sizes: impl Iterator<Item = f64>) -> Vec<f64> {
+        let mut steps = vec![0.0; self.forms.len()];
+        let mut meshes: Vec<Mesh> = self.forms.par_iter().map(|f| self.grown(f, detail)).collect();
+        for size in sizes {
+            let mut meets = vec![false; meshes.len()];
+            for c in crossings(&meshes.iter().collect::<Vec<_>>()) {
+                c.meshes.iter().for_each(|&k| meets[k as usize] = true);
+            }
+            let met: Vec<usize> = (0..meets.len()).filter(|k| meets[*k]).collect();
+            if met.is_empty() {
+                break;
+            }
+            for k in &met {
+                settle(&mut self.forms[*k], size);
+                steps[*k] += size;
+            }
+            let again: Vec<Mesh> = met.par_iter().map(|k| self.grown(&self.forms[*k], detail)).collect();
+            met.into_iter().zip(again).for_each(|(k, mesh)| meshes[k] = mesh);
+        }
+        steps
+    }
+}
+
+/// The petals of the flower, none meeting another.
+fn placed(d: &RoseDescription) -> Petals {
+    let stage = |k: f64| {
+        let mut petals = Petals::new(d, (STAGE * k).min(OVERBLOWN), &[]);
+        petals.settle(d.detail.min(STAGE_DETAIL), std::iter::repeat_n(1.0, STAGE_STEPS))
+    };
+    let at = d.openness / STAGE;
+    let (near, below) = (at.round(), at.floor());
+    let steps = if (at - near).abs() < 1e-6 {
+        stage(near)
+    } else {
+        stage(below).iter().zip(stage(below + 1.0)).map(|(a, b)| a + (b - a) * (at - below)).collect()
+    };
+    let mut petals = Petals::new(d, d.openness, &steps);
+    petals.settle(
+        d.detail.min(SETTLED_DETAIL),
+        (0..SMALL_STEPS).map(|k| SMALL_STEP * SMALL_STEP_GROWTH.powi(k)),
+    );
+    petals
+}
+
+/// A petal after so many steps more.
+fn settle(form: &mut PetalForm, steps: f64) {
+    // What meets without roll does so at its flanks.
+    let narrower = |steps: f64| NARROWER.powf((steps - FIRST_NARROWED).max(0.0));
+    let before = form.ease.ln() / EASE.ln();
+    form.ease = EASE.powf(before + steps);
+    form.outline.width_mm *= narrower(before + steps) / narrower(before);
 }
 
 fn petal_mesh(petal: &PetalSurface, form: &PetalForm, bloom: &Bloom, detail: f64) -> Mesh {
@@ -78,43 +155,25 @@ fn count(n: f64) -> usize {
     2 * ((0.5 * n).round() as usize).max(2)
 }
 
-/// Petals that meet another or themselves, as meshes of this detail, get less roll and unevenness until none do.
-fn settle(forms: &mut [PetalForm], bloom: &Bloom, neighbours: &Neighbours, detail: f64) {
-    let grown =
-        |form: &PetalForm| petal_mesh(&PetalSurface::new(form, bloom, neighbours), form, bloom, detail);
-    let mut meshes: Vec<Mesh> = forms.par_iter().map(grown).collect();
-    for step in 0..SETTLE_STEPS {
-        let mut meets = vec![false; forms.len()];
-        for c in crossings(&meshes.iter().collect::<Vec<_>>()) {
-            c.meshes.iter().for_each(|&k| meets[k as usize] = true);
-        }
-        if !meets.contains(&true) {
-            return;
-        }
-        forms.par_iter_mut().zip(&mut meshes).zip(&meets).filter(|(_, meets)| **meets).for_each(
-            |((form, mesh), _)| {
-                form.ease *= EASE;
-                // What meets without roll does so at its flanks.
-                if step >= SETTLE_STEPS / 3 {
-                    form.outline.width_mm *= NARROWER;
-                }
-                *mesh = grown(form);
-            },
-        );
-    }
-}
-
 /// Columns and rows of a petal of detail 1, and how they crowd towards the rim.
 const ACROSS: f64 = 28.0;
 const ALONG: f64 = 28.0;
 const CROWDING: f64 = 1.6;
 /// Beyond this detail the mid-surface is interpolated: its smallest waves are 5 mm long.
 const MODELLED_DETAIL: f64 = 4.0;
-/// Steps of settling, and what a petal keeps of its roll and unevenness in each.
-const SETTLE_STEPS: u32 = 12;
+/// What a petal keeps of its roll and unevenness in a step of settling.
 const EASE: f64 = 0.8;
-/// What a petal that still meets another keeps of its width in each of the later steps.
+/// What it keeps of its width in each step after the first of them.
 const NARROWER: f64 = 0.96;
+const FIRST_NARROWED: f64 = 4.0;
+/// Openness between two stages, the finest meshes of stages and their most steps.
+const STAGE: f64 = 0.05;
+const STAGE_DETAIL: f64 = 1.0;
+const STAGE_STEPS: usize = 16;
+/// Between stages: the first step, how much larger each next one is, and the most of them.
+const SMALL_STEP: f64 = 0.1;
+const SMALL_STEP_GROWTH: f64 = 1.4;
+const SMALL_STEPS: i32 = 14;
 /// Finest meshes that are settled: finer ones follow the same surfaces.
 const SETTLED_DETAIL: f64 = 2.5;
 
@@ -195,4 +254,53 @@ fn facets(most: f64, age: f64, roll_deg: f64, width_mm: f64, v: &dyn Fn(u32) -> 
         }
     });
     front.chain(flanks).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+
+    /// Points of all petals: four across, four along.
+    fn points(d: &RoseDescription, openness: f64) -> Vec<DVec3> {
+        let d = RoseDescription { openness, ..d.clone() };
+        let Petals { bloom, forms, neighbours } = placed(&d);
+        let at = [0.05, 0.35, 0.65, 0.95];
+        forms
+            .par_iter()
+            .flat_map_iter(|form| {
+                let petal = PetalSurface::new(form, &bloom, &neighbours);
+                at.into_iter()
+                    .flat_map(|u| at.map(|v| (u, v)))
+                    .map(|(u, v)| petal.at(u, v))
+                    .collect::<Vec<_>>()
+            })
+            .collect()
+    }
+
+    #[test]
+    fn petals_do_not_pop_as_they_open() {
+        let moved_mm =
+            |a: &[DVec3], b: &[DVec3]| a.iter().zip(b).map(|(p, q)| (*p - *q).length()).fold(0.0, f64::max);
+        // Here petals make room for each other.
+        let d = RoseDescription { detail: 0.6, ..RoseDescription::hybrid_tea() };
+        let stages: Vec<(f64, Vec<DVec3>)> =
+            (0..=8).map(|k| 0.85 + 0.0125 * f64::from(k)).map(|o| (o, points(&d, o))).collect();
+        for pair in stages.windows(2) {
+            // Into the half in which petals move more, again and again: a jump stays as large as it is.
+            let (mut low, mut high) = (pair[0].clone(), pair[1].clone());
+            for _ in 0..4 {
+                let openness = 0.5 * (low.0 + high.0);
+                let middle = (openness, points(&d, openness));
+                if moved_mm(&low.1, &middle.1) > moved_mm(&middle.1, &high.1) {
+                    high = middle;
+                } else {
+                    low = middle;
+                }
+            }
+            let mm = moved_mm(&low.1, &high.1);
+            assert!(mm < 0.3, "openness {}: a jump of {mm:.2} mm", low.0);
+        }
+    }
 }
