@@ -168,7 +168,7 @@ const NARROWER: f64 = 0.96;
 const FIRST_NARROWED: f64 = 4.0;
 /// Openness between two stages, the finest meshes of stages and their most steps.
 const STAGE: f64 = 0.05;
-const STAGE_DETAIL: f64 = 1.0;
+const STAGE_DETAIL: f64 = 0.6;
 const STAGE_STEPS: usize = 16;
 /// Between stages: the first step, how much larger each next one is, and the most of them.
 const SMALL_STEP: f64 = 0.1;

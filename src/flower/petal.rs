@@ -212,8 +212,9 @@ impl Sheet for PetalSurface<'_> {
     }
 
     fn relief_mm(&self, u: f64, v: f64) -> f64 {
-        // The veins stand out on the abaxial side and are grooves on the adaxial one.
-        -self.form.vein_relief_mm * self.form.veins.at(&self.form.outline, u, v)
+        // The veins stand out on the abaxial side and are grooves on the adaxial one; they end before the flanks.
+        let inside = smooth_step(0.0, 0.06, u.min(1.0 - u));
+        -self.form.vein_relief_mm * inside * self.form.veins.at(&self.form.outline, u, v)
     }
 
     fn uv(&self, u: f64, v: f64) -> DVec2 {

@@ -321,23 +321,18 @@ struct Lobe<'a> {
 }
 
 impl Lobe<'_> {
+    /// Distance from the margin by v alone and place along it by u: no part lies on another or on the sepal.
     fn flat(&self, u: f64, v: f64) -> DVec2 {
         let part = if self.side > 0.0 { u } else { 1.0 - u };
         let half = (0.055 * self.length_mm + 0.28).min(self.room_mm);
         let form = &self.sepal.form;
         let margin = |y: f64| self.sepal.half_width_mm((y / form.length_mm).clamp(0.0, 1.0));
-        // The middle leaves the margin outwards and bends forward; the foot lies on the margin.
-        let angle = 0.75 - 0.45 * v;
-        let root = DVec2::new(margin(self.start_mm) + APART_MM, self.start_mm);
-        let middle = root + v * self.length_mm * DVec2::new(angle.sin(), angle.cos());
+        // The middle leaves the margin outwards and bends forward.
+        let (sin, cos) = (0.75 - 0.35 * v).sin_cos();
         // A lance; u runs from the rear edge, which faces outwards, to the front edge.
         let width = half * (1.0 - v.powi(3)).max(0.0).sqrt() * (1.0 - 0.35 * v) + 0.03;
-        let edge = (1.0 - 2.0 * part) * width;
-        let free = middle + edge * DVec2::new(-angle.cos(), angle.sin());
-        let y = self.start_mm + edge * 1.3;
-        let foot = DVec2::new(margin(y) + APART_MM, y);
-        let p = foot + (free - foot) * smooth_step(0.0, 0.3, v);
-        DVec2::new(self.side * p.x.max(margin(p.y) + APART_MM), p.y)
+        let y = self.start_mm + v * self.length_mm * cos + (1.0 - 2.0 * part) * width / sin;
+        DVec2::new(self.side * (margin(y) + APART_MM + v * self.length_mm * sin), y)
     }
 }
 
