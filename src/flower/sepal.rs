@@ -285,7 +285,7 @@ impl SepalSurface {
                     room_mm: 0.08 * self.form.length_mm / f64::from(count),
                     length_mm: self.form.lobe_mm * (1.0 - 0.45 * part) * (1.0 + 0.3 * wild),
                 };
-                all.append(&mesh_on(&lobe, &grid(n(1.0).max(2), 1.0), &grid(n(6.0), 1.0)));
+                all.append(&mesh_on(&lobe, &grid(n(1.0).max(2), 1.0), &grid(n(10.0), 1.0)));
             }
         }
         all
@@ -328,7 +328,7 @@ impl Lobe<'_> {
         let form = &self.sepal.form;
         let margin = |y: f64| self.sepal.half_width_mm((y / form.length_mm).clamp(0.0, 1.0));
         // The middle leaves the margin outwards and bends forward.
-        let (sin, cos) = (0.75 - 0.35 * v).sin_cos();
+        let (sin, cos) = (0.85 - 0.3 * v).sin_cos();
         // A lance; u runs from the rear edge, which faces outwards, to the front edge.
         let width = half * (1.0 - v.powi(3)).max(0.0).sqrt() * (1.0 - 0.35 * v) + 0.03;
         let y = self.start_mm + v * self.length_mm * cos + (1.0 - 2.0 * part) * width / sin;
