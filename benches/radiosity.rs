@@ -1,5 +1,6 @@
 //! Time, memory and error of radiosity on the default rose, by the number of its triangles:
-//! `cargo bench --bench radiosity`; `-- 2.7` for one `detail` of the rose only, `-- cost` for time and memory without errors.
+//! `cargo bench --bench radiosity`; `-- 2.7` for one `detail` of the rose only, `-- cost` for time and memory without errors,
+//! `-- patches=1260` for errors of that many patches (1/36 of a petal each) instead of 12000.
 //!
 //! Error: irradiance of patches of both sides of all petals, at 640 nm, where petals are bright, and 540 nm, where they are
 //! nearly black. A patch is a compact set of triangles of one petal, found by halving: 64 triangles (43 to 86) where the rose has
@@ -292,7 +293,7 @@ fn tell(
     }
 }
 
-fn measure(detail: f64, settings: &RadiositySettings, errors: bool) {
+fn measure(detail: f64, settings: &RadiositySettings, patches_wanted: Option<usize>) {
     // The most memory of what came before is not this size's (Linux).
     let _ = std::fs::write("/proc/self/clear_refs", "5");
     let scene = scene(detail);
@@ -312,12 +313,10 @@ fn measure(detail: f64, settings: &RadiositySettings, errors: bool) {
         peak_mib(),
         solution.orders()
     );
-    if !errors {
-        return;
-    }
+    let Some(wanted) = patches_wanted else { return };
     let petal_triangles: usize =
         scene.shapes.iter().filter(|s| s.petal_id > 0).map(|s| s.mesh.triangles.len()).sum();
-    let patches = patches(&scene, petal_triangles.div_ceil(PATCHES).max(1));
+    let patches = patches(&scene, petal_triangles.div_ceil(wanted).max(1));
     let drawn: Vec<(usize, Side)> = (0..DRAWN)
         .map(|i| {
             let mut s = Sampler::new(5, UVec2::ZERO, i as u32);
@@ -347,8 +346,9 @@ fn main() {
         println!("details are {DETAILS:?}");
         return;
     }
-    let errors = !std::env::args().any(|a| a == "cost");
+    let patches = std::env::args().find_map(|a| a.strip_prefix("patches=")?.parse().ok()).unwrap_or(PATCHES);
+    let patches = (!std::env::args().any(|a| a == "cost")).then_some(patches);
     for detail in DETAILS.into_iter().filter(|d| wanted.is_none_or(|w| w == *d)) {
-        measure(detail, &RadiositySettings::default(), errors);
+        measure(detail, &RadiositySettings::default(), patches);
     }
 }
