@@ -72,7 +72,7 @@ impl Petals {
         let mut forms: Vec<PetalForm> = (0..d.petals).map(|index| petal_form(d, &bloom, index)).collect();
         let neighbours = Neighbours { seats: forms.iter().map(PetalForm::seat).collect() };
         for (form, steps) in forms.iter_mut().zip(steps) {
-            settle(form, *steps);
+            take_steps(form, *steps);
         }
         Self { bloom, forms, neighbours }
     }
@@ -95,7 +95,7 @@ impl Petals {
                 break;
             }
             for k in &met {
-                settle(&mut self.forms[*k], size);
+                take_steps(&mut self.forms[*k], size);
                 steps[*k] += size;
             }
             let again: Vec<Mesh> = met.par_iter().map(|k| self.grown(&self.forms[*k], detail)).collect();
@@ -126,8 +126,8 @@ fn placed(d: &RoseDescription) -> Petals {
     petals
 }
 
-/// A petal after so many steps more.
-fn settle(form: &mut PetalForm, steps: f64) {
+/// A petal takes so many steps more: it loses roll and unevenness, then width.
+fn take_steps(form: &mut PetalForm, steps: f64) {
     // What meets without roll does so at its flanks.
     let narrower = |steps: f64| NARROWER.powf((steps - FIRST_NARROWED).max(0.0));
     let before = form.ease.ln() / EASE.ln();
